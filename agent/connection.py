@@ -150,7 +150,7 @@ class ToolConnection:
         return self._instructions
 
     async def ready(self) -> bool:
-        """Start the server if it is not running; see ``ToolSource``."""
+        """Start the server if it is not running, and return True if it had to be restarted; see ``ToolSource``."""
         if self._client is not None:
             return False
         self._leave = anyio.Event()

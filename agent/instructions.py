@@ -16,7 +16,7 @@ def own_instructions(condition: str = "none") -> str:
         condition: A condition of the paper, or ``none`` for only the general rules, which fit any server.
 
     Raises:
-        UnknownName: No such condition.
+        UnknownName: There is no such condition.
     """
     manners = files(__package__).joinpath("instructions.md").read_text(encoding="utf-8").strip()
     return manners if condition == "none" else f"{manners}\n\n{task_prompt('session', condition)}"

@@ -53,7 +53,7 @@ class SessionState:
         """The state in one line for the model; empty if nothing is known yet."""
         known = {field.name: getattr(self, field.name) for field in fields(self)}
         known_text = ", ".join(f"{name} {value}" for name, value in known.items() if value)
-        return f"[Being worked on: {known_text}]" if known_text else ""
+        return f"[Working on: {known_text}]" if known_text else ""
 
 
 def _first_of(items: Any, key: str) -> Any:

@@ -322,7 +322,7 @@ class LineProcess:
         """Return the process's answer.
 
         Raises:
-            NoAnswer: it gave none in time, or ended; the next request starts a new process.
+            NoAnswer: the process did not answer in time, or ended; the next request starts a new process.
         """
         process = self._running()
         assert process.stdin is not None  # noqa: S101 - it was opened with a pipe

@@ -336,7 +336,7 @@ def _hosts(home: Path) -> Iterator[Diagnosis]:
 
 
 def _by_http(host: Host, path: Path, entry: Mapping[str, Any], mend: str) -> Diagnosis:
-    """Return the diagnosis of an entry with an address; only a server on this machine is contacted."""
+    """Return the diagnosis of a host's entry that has an address; only a server on this machine is contacted."""
     try:
         parts = urlsplit(address_of(entry))
         is_address = parts.scheme in {"http", "https"} and bool(parts.hostname) and parts.port != 0

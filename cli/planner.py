@@ -209,8 +209,8 @@ def _limit_notes(checks: Sequence["PlannerCheck"]) -> Iterator[str]:
 
 def _unmoved_notes(found: "Found", checks: Sequence["PlannerCheck"]) -> Iterator[str]:
     """Yield a note on each weight or parameter that changed no plan of any drive."""
-    driven = [each for each in checks if each.outcome is not None and each.asked_again]
-    count = sum(each.asked_again for each in driven)
+    driven = [each for each in checks if each.outcome is not None and each.planned_again]
+    count = sum(each.planned_again for each in driven)
     for name in sorted(set.intersection(*(set(each.unmoved) for each in driven))) if driven else ():
         weight = found.declaration.weights[name]
         same = f"changed none of {counted(count, 'plan')}, from {weight.lowest:g} to {weight.highest:g}"

@@ -263,7 +263,7 @@ def install(
     workspace: Workspace = None,
     roots: Roots = None,
 ) -> None:
-    """Write this server into the settings of an MCP host, and keep a backup."""
+    """Add this server to the settings of an MCP host, and keep a backup of them."""
     from .hosts import install as install_into
     from .hosts import may_vanish, named_host, start_command
 

@@ -70,10 +70,10 @@ async def _carry_out(suite: Suite, folder: Path, settings: Settings, console: Co
             with Progress(*columns, console=console, transient=True) as bars:
                 bar = bars.add_task("starting", total=None)
 
-                def tell(done: int, total: int, message: str) -> None:
+                def show(done: int, total: int, message: str) -> None:
                     bars.update(bar, completed=done, total=total or None, description=escape(message))
 
-                return await carry_out(suite, folder, WorkflowContext(services), tell)
+                return await carry_out(suite, folder, WorkflowContext(services), show)
     finally:
         threads.close()
 
@@ -99,9 +99,9 @@ def print_report(report: SuiteReport, console: Console) -> None:
 
 def _headline(report: SuiteReport) -> str:
     broken = sum(not verdict.holds for verdict in report.verdicts)
-    held = f"all {counted(len(report.verdicts), 'limit')} hold" if not broken else f"{counted(broken, 'limit')} broken"
+    text = f"all {counted(len(report.verdicts), 'limit')} hold" if not broken else f"{counted(broken, 'limit')} broken"
     known = f", {report.reused} of them reused" if report.reused else ""
-    return f"{report.suite}: {held}; {counted(len(report.cases), 'run')}{known} ({report.batch_id})"
+    return f"{report.suite}: {text}; {counted(len(report.cases), 'run')}{known} ({report.batch_id})"
 
 
 def _case_text(case: SuiteCase) -> str:

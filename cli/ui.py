@@ -36,7 +36,7 @@ def serve_pages(settings: Settings, *, open_it: bool) -> None:
         }
     )
 
-    def tell(port: int) -> None:
+    def announce(port: int) -> None:
         url = f"http://{_HERE}:{port}{ROOT}"
         sys.stdout.write(f"{url}\n")
         sys.stdout.flush()
@@ -45,4 +45,4 @@ def serve_pages(settings: Settings, *, open_it: bool) -> None:
 
     hide_environment()
     share_heaps()
-    serve_http(create_server(own), own, Pages(own.workspace.expanduser() / JOURNAL), tell)
+    serve_http(create_server(own), own, Pages(own.workspace.expanduser() / JOURNAL), announce)

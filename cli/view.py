@@ -18,7 +18,7 @@ from ..workflows.rendering import VIEWS, MadeView, make_view
 
 
 def view_artifacts(words: Sequence[str], settings: Settings, *, output: Path | None, open_it: bool) -> None:
-    """Write the page of some artifacts, print its path, and open it if there is a screen and ``open_it`` is set.
+    """Write the page of the given artifacts, print its path, and open it if there is a screen and ``open_it`` is set.
 
     Raises:
         PlannerForgeError: No artifact has this name, or no view can show it.

@@ -53,7 +53,7 @@ class MovingRectangles:
 
     @property
     def velocities(self) -> Points:
-        """Velocities of shape (n, 2) in m/s."""
+        """The velocities in m/s, shape (n, 2)."""
         return self.speeds_mps[:, None] * _directions(self.headings_rad)
 
 
@@ -61,7 +61,7 @@ class MovingRectangles:
 class _Encounters:
     """All pairs of a driven state (``state``, an index) and a nearby road user; ``ego`` and ``other`` have shape (n,).
 
-    ``track``: an index into the moving road users, followed by the standing ones.
+    ``track``: an index into the moving road users, followed by the standing road users.
     """
 
     state: NDArray[np.intp]
@@ -186,7 +186,7 @@ def driving_times_s(ahead_m: Values, met: _Encounters) -> Values:
 
 @dataclass(frozen=True)
 class _Ahead:
-    """Others along the ego's path, per pair: ``gaps_m`` from the ego's front to their rear, infinite if not ahead.
+    """Road users along the ego's path: ``gaps_m`` from the ego's front to their rear, infinite if not ahead.
 
     ``speeds_mps``: their speeds along the path; ``aside_m``: how far their centres are from it.
     """
@@ -197,7 +197,7 @@ class _Ahead:
 
 
 def ahead_of(ego: Track, met: _Encounters) -> _Ahead:
-    """Return how far ahead other road users are along the ego's path, and how fast they move along it.
+    """Return the gaps to other road users along the ego's path, their speeds along it, and their distance from it.
 
     The path is what the ego drove afterwards, extended straight ahead; a vehicle is ahead if it is on that path
     (lateral overlap of the bodies) and heads within 45° of it.
@@ -256,6 +256,6 @@ def _nearest(path: Points, stations: Values, points: Points, begin: NDArray[np.i
 
 
 def _least(values: Values) -> float | None:
-    """Return the shortest of some times in s, or None if no time is within 100 s."""
+    """Return the shortest time in s, or None if no time is within 100 s."""
     least = float(values.min())
     return least if least <= _LONGEST_S else None

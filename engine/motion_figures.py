@@ -33,7 +33,7 @@ class MotionFigures:
 
 
 def motion_figures(ego: Track, accelerations_mps2: Values, steering_rad: Values, step_s: float) -> MotionFigures:
-    """Measure a motion over its driven states (n,), including the initial one.
+    """Measure a motion over its driven states (n,), including the initial state.
 
     Args:
         ego: the drive.

@@ -103,11 +103,11 @@ class ToolSession(Protocol):
 
 
 class EvaluatedAgent(Protocol):
-    """Turns a request into calls: a language model, the ground truth, a floor, a journal."""
+    """An agent that turns a request into calls: a language model, the ground truth, a floor, a journal."""
 
     @property
     def name(self) -> str:
-        """Return the name for ``--agent``, such as ``oracle`` or ``ollama:qwen3:8b``."""
+        """The name for ``--agent``, such as ``oracle`` or ``ollama:qwen3:8b``."""
 
     async def attempt(self, request: EvalRequest, tools: ToolSession) -> Attempt:
         """Handle a request. Failures of a model or a call are recorded in the attempt, never raised."""

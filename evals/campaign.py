@@ -61,7 +61,7 @@ def rows_path(folder: Path, corpus: str) -> Path:
 
 
 def settle(folder: Path, evaluation: Evaluation, corpora: Sequence[Path]) -> None:
-    """Record the evaluation's settings in the folder, or check that they equal the recorded ones.
+    """Record the evaluation's settings in the folder, or check that they equal the recorded settings.
 
     Raises:
         InvalidRequest: the folder has an evaluation with other settings; the error lists them.
@@ -161,7 +161,7 @@ async def _work(
 
 
 def _may_share_session(first: EvalRequest, request: EvalRequest, evaluation: Evaluation) -> bool:
-    """Return whether a request may use the session that was opened for another one."""
+    """Return whether a request may use the session that was opened for another request."""
     return request.corpus == first.corpus and not evaluation.is_fresh(request)
 
 

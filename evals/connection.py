@@ -130,7 +130,7 @@ def _copy(workspace: Path, target: Path) -> None:
 
 
 def _linked(source: str, target: str) -> None:
-    """Link files of artifacts, which never change, if the disk allows it; copy all others."""
+    """Link files of artifacts, which never change, if the disk allows it; copy all other files."""
     if Path(source).name in _IMMUTABLE:
         try:
             os.link(source, target)

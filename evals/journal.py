@@ -20,7 +20,7 @@ from ..server.observing.journal import KEPT_FILES, MOST_ELEMENTS
 from ..server.observing.logs import REDACTED
 from .attempts import Attempt, EvalRequest, MadeCall, ToolSession
 
-Said = Literal["answered", "asked", "refused"]
+ClientReply = Literal["answered", "asked", "refused"]
 """The client's last message, which no call shows."""
 _FORM = "journal:JOURNAL@MARKS"
 _WAITING = "get_job"
@@ -38,7 +38,7 @@ class Mark:
     began_s: float
     ended_s: float
     turn: int = 0
-    ending: Said = "answered"
+    ending: ClientReply = "answered"
 
 
 @dataclass(frozen=True)
@@ -135,11 +135,11 @@ def ask_one_by_one(
                 file.write(json.dumps(asdict(mark)) + "\n")
 
 
-def _ask_for_ending(wait: Callable[[str], object]) -> Said:
+def _ask_for_ending(wait: Callable[[str], object]) -> ClientReply:
     while True:
         word = str(wait(_QUESTION) or "answered").strip().lower()
-        if word in get_args(Said):
-            return cast("Said", word)
+        if word in get_args(ClientReply):
+            return cast("ClientReply", word)
 
 
 async def _repeated(call: _JournalledCall, turn: int, tools: ToolSession) -> MadeCall:

@@ -111,7 +111,7 @@ async def _configure(request: EvalRequest, tools: ToolSession) -> None:
 
 
 def _user_messages(request: EvalRequest) -> list[str]:
-    """Return the user's messages, with the scenario of the request."""
+    """Return the user's messages: those of the turns, or the request's text and its scenario."""
     if request.turns:
         return [turn.text for turn in request.turns]
     about = (request.scenario or "").removesuffix(".xml")

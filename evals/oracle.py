@@ -106,8 +106,8 @@ def _modification(request: EvalRequest) -> list[Call]:
     truths = request.truth.get("edits", [])
     if request.expect == "refuse":
         row = {"id": request.request_id, "text": request.text, "truth": request.truth, "task": request.corpus}
-        asked = corpus_refusal(row)
-        edits = [] if asked is None else list(asked.edits)
+        refusal = corpus_refusal(row)
+        edits = [] if refusal is None else list(refusal.edits)
     else:
         edits = [edit_of(truth) for truth in truths]
     scenario = str(request.scenario).removesuffix(".xml")
@@ -190,7 +190,7 @@ class _Conversation:
     runs: dict[int, list[str]] = field(default_factory=dict)
 
     async def held(self, turns: Sequence[EvalTurn]) -> Any:
-        """Return the calls of all turns; a turn that builds on a refused one calls nothing."""
+        """Return the calls of all turns; a turn that builds on a refused turn calls nothing."""
         for number, turn in enumerate(turns):
             for action in turn.action.split("+"):
                 call = self.call_of(action, turn)
@@ -201,7 +201,7 @@ class _Conversation:
                 yield made
 
     def call_of(self, action: str, turn: EvalTurn) -> Call | None:
-        """Return the call of an action of a turn, or None if its basis is missing."""
+        """Return the call for a turn's action, or None if the result that it builds on is missing."""
         truth = turn.truth
         if action == "generate":
             request = EvalRequest("", "generation", "generation", turn.text, truth, "ok", map_file=truth["map"])
@@ -219,8 +219,8 @@ class _Conversation:
         if action == "analyse":
             runs = self.runs.get(truth["about_turn"])
             details = [_DETAILS[ask] for ask in truth.get("asks", []) if ask in _DETAILS]
-            asked = {"detail": details[0]} if details else {}
-            return Call("analyze_results", {"results": runs, **asked}) if runs else None
+            arguments = {"detail": details[0]} if details else {}
+            return Call("analyze_results", {"results": runs, **arguments}) if runs else None
         both = [self.runs.get(number) for number in truth.get("compare", truth)["between_turns"]]
         return Call("compare_results", {"results": [key for keys in both for key in keys or ()]}) if all(both) else None
 

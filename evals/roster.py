@@ -33,7 +33,7 @@ def open_agent(name: str, condition: Condition, seed: int) -> tuple[EvaluatedAge
     """Return the agent of a name, and whether each of its requests needs its own session.
 
     Raises:
-        UnknownName: there is no such agent; the error lists the known ones.
+        UnknownName: there is no such agent; the error lists the known agents.
         InvalidRequest: a journal or its marks cannot be read.
         AgentError: a model's name is invalid, or its package is not installed.
     """

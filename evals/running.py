@@ -57,7 +57,7 @@ class EvaluationOrder:
 def run_evaluation(order: EvaluationOrder, console: Console | None = None) -> int:
     """Evaluate, print the tables and write the results; return 130 if interrupted, with all rows kept."""
     shown = console or Console(highlight=False)
-    with _reporting_errors() as told:
+    with _reporting_errors() as errors:
         paths = _corpora(order)
         requests = [request for path in paths for request in read_corpus(path)[: order.limit]]
         agent, fresh = open_agent(order.agent, _condition(order.condition), order.seed)
@@ -69,26 +69,26 @@ def run_evaluation(order: EvaluationOrder, console: Console | None = None) -> in
             shown.print(f"Interrupted; finished rows are in {order.folder}, and the same command continues.")
             return _INTERRUPTED
         _show(rows, order.folder, shown)
-        told.done()
-    return told.code
+        errors.done()
+    return errors.code
 
 
 def print_results(folder: Path, console: Console | None = None) -> int:
     """Print the tables of the rows in a folder, and write tables and report again."""
     shown = console or Console(highlight=False)
-    with _reporting_errors() as told:
+    with _reporting_errors() as errors:
         _show(rows_of(folder), folder, shown)
-        told.done()
-    return told.code
+        errors.done()
+    return errors.code
 
 
 def print_comparison(first: Path, second: Path, console: Console | None = None) -> int:
     """Print the comparison of two evaluations, paired by request."""
     shown = console or Console(highlight=False)
-    with _reporting_errors() as told:
+    with _reporting_errors() as errors:
         shown.print(compare_rows(rows_of(first), rows_of(second)).to_text(str(first), str(second)), markup=False)
-        told.done()
-    return told.code
+        errors.done()
+    return errors.code
 
 
 def print_requests(
@@ -100,19 +100,19 @@ def print_requests(
     console: Console | None = None,
     wait: Callable[[str], object] = input,
 ) -> int:
-    """Print requests as JSON lines without their truth; with ``marks``, one by one, with when each begins and ends."""
+    """Print requests as JSON lines without their truth; with ``marks``, one by one, and record their times."""
     shown = console or Console(highlight=False)
-    with _reporting_errors() as told:
+    with _reporting_errors() as errors:
         paths = corpus_files(corpus or packaged_corpora(), task)
         requests = [request for path in paths for request in read_corpus(path)[:limit]]
         if marks is None:
             for request in requests:
-                shown.print(json.dumps(asked(request), ensure_ascii=False), markup=False, soft_wrap=True)
+                shown.print(json.dumps(public_view(request), ensure_ascii=False), markup=False, soft_wrap=True)
         else:
-            chosen = [(request, asked(request)) for request in requests]
+            chosen = [(request, public_view(request)) for request in requests]
             ask_one_by_one(chosen, marks, lambda text: shown.print(text, markup=False, soft_wrap=True), wait)
-        told.done()
-    return told.code
+        errors.done()
+    return errors.code
 
 
 def make_own_corpora(workspace: Path, out: Path, *, tasks: Sequence[str], count: int, seed: int, whole: bool) -> int:
@@ -121,7 +121,7 @@ def make_own_corpora(workspace: Path, out: Path, *, tasks: Sequence[str], count:
     from .making.materials import read_materials
 
     shown = Console(highlight=False)
-    with _reporting_errors() as told:
+    with _reporting_errors() as errors:
         wrong = [name for name in tasks if name not in TASKS]
         if wrong:
             raise UnknownName(f"there is no task '{wrong[0]}'", valid=TASKS)
@@ -131,12 +131,12 @@ def make_own_corpora(workspace: Path, out: Path, *, tasks: Sequence[str], count:
         )
         for path in write_corpora(corpora, out, whole=whole):
             shown.print(f"{path}: {len(path.read_text(encoding='utf-8').splitlines())} requests", markup=False)
-        told.done()
-    return told.code
+        errors.done()
+    return errors.code
 
 
-def asked(request: EvalRequest) -> dict[str, Any]:
-    """Return a request as another client may see it, without the expected result."""
+def public_view(request: EvalRequest) -> dict[str, Any]:
+    """Return a request as another client may see it, without the expected result, as fields of JSON."""
     given = {
         "id": request.request_id,
         "task": request.task,

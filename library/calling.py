@@ -30,7 +30,7 @@ from ..engine.execution import (
     no_progress,
     silent,
 )
-from ..engine.planners import is_here
+from ..engine.planners import is_planner_object
 from ..schemas.boundaries import PointsRequest
 from ..schemas.errors import NotPossible, PlannerFailure, PlannerForgeError
 from ..schemas.planning import ReplayRequest, RunRequest
@@ -75,7 +75,7 @@ class _CallersExecutor(ExecutorAround):
             PlannerForgeError: The operation raised it.
         """
         run = request.run if isinstance(request, ReplayRequest) else request
-        if not (isinstance(run, RunRequest | PointsRequest) and is_here(run.configuration.planner)):
+        if not (isinstance(run, RunRequest | PointsRequest) and is_planner_object(run.configuration.planner)):
             return await self._inner.run(operation, request, on_progress=on_progress)
         errand = _Errand(lambda: operation.load()(request, silent))
         self._errands.put(errand)

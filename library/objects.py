@@ -1,4 +1,4 @@
-"""Objects that the Python library returns: scenarios, runs and pictures, with a display for notebooks."""
+"""Objects that the Python library returns: scenarios, runs and pictures, all of which notebooks can display."""
 
 import base64
 import html
@@ -22,7 +22,7 @@ class Home(Protocol):
 
     @property
     def stored(self) -> Workspace:
-        """Return the workspace with the stored artifacts."""
+        """The workspace with the stored artifacts."""
 
     def render(self, *things: Any, **arguments: Any) -> tuple["Picture", ...]:
         """Draw artifacts."""

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Any, Protocol, TypeVar
 
-from ..engine.planners import OwnPlanner, Planner, PlannerHere, planners_here
+from ..engine.planners import OwnPlanner, Planner, PlannerObject, registered_objects
 from ..engine.workspace import Workspace as StoredWorkspace
 from ..schemas.analysis.comparison import CompareResultsArguments, CompareResultsResult
 from ..schemas.analysis.optimization import OptimizePlannerArguments, OptimizePlannerResult
@@ -47,6 +47,7 @@ from ..schemas.rendering import RenderArguments
 from ..schemas.results import AnalyzeResultsArguments, AnalyzeResultsResult
 from ..schemas.runs import BatchRecord
 from ..schemas.scenarios import DescribeScenarioArguments, DescribeScenarioResult
+from ..schemas.worlds import World
 from ..server.arguments.checking import read_arguments
 from ..server.settings import Settings
 from ..server.suites import read_suite
@@ -189,6 +190,8 @@ class Workspace:
         Planners given by name run in worker processes. To pass several objects of one class, give them names:
         ``{"gentle": Brakes(1.0), "hard": Brakes(6.0)}``.
 
+        ``world`` states the planner's sensors, as text such as ``"camera, missed=0.2"`` or as a ``World``.
+
         If runs of a batch are lost, for example because ``plan()`` raised, a warning says so, and the batch contains
         the remaining runs.
 
@@ -200,7 +203,7 @@ class Workspace:
             {
                 "scenarios": [str(one) for one in _as_list(scenarios)],
                 "configs": self._register_all(planners),
-                **arguments,
+                **_with_world(arguments),
             },
         )
         made = self._wait_for(planning.run_planner, request)
@@ -247,7 +250,11 @@ class Workspace:
         self, scenarios: "Sequence[str | Scenario] | str | Scenario", base: AnyPlanner = "current", **arguments: Any
     ) -> OptimizePlannerResult:
         """Search for a better configuration, or find the weights that matter, and wait (``optimize_planner``)."""
-        given = {"scenarios": [str(one) for one in _as_list(scenarios)], "base": self._register(base), **arguments}
+        given = {
+            "scenarios": [str(one) for one in _as_list(scenarios)],
+            "base": self._register(base),
+            **_with_world(arguments),
+        }
         request = read_arguments(OptimizePlannerArguments, given)
         return self._wait_for(optimization.optimize_planner, request)
 
@@ -343,7 +350,7 @@ class Workspace:
         known = next((known for one, known in self._known if one is planner and name in ("", known)), None)
         if known is None:
             known = name or _name_of(planner)
-            self._planners.enter_context(planners_here({known: _registration(planner)}))
+            self._planners.enter_context(registered_objects({known: _registration(planner)}))
             self._known = [(one, other) for one, other in self._known if other != known] + [(planner, known)]
         return f"{known}:Default"
 
@@ -354,6 +361,12 @@ async def _run_suite(suite: Suite, folder: Path, context: WorkflowContext) -> Su
 
 async def _scenarios_of_plan(word: str, context: WorkflowContext) -> tuple[ChosenScenario, ...]:
     return choose_scenarios([word], context).scenarios
+
+
+def _with_world(arguments: dict[str, Any]) -> dict[str, Any]:
+    """Return arguments with a ``World`` as the text that requests take."""
+    world = arguments.get("world")
+    return {**arguments, "world": world.in_words()} if isinstance(world, World) else arguments
 
 
 def _as_list(things: Any) -> list[Any]:
@@ -384,16 +397,16 @@ def _one_id(scenario: "str | Scenario | Scenarios") -> str:
     return str(scenario)
 
 
-def _registration(planner: OwnPlanner | Planner | type[Planner]) -> PlannerHere:
+def _registration(planner: OwnPlanner | Planner | type[Planner]) -> PlannerObject:
     """Return a registration for the caller's planner.
 
     Raises:
         InvalidRequest: The object is not a planner.
     """
     if isinstance(planner, OwnPlanner):
-        return PlannerHere(planner, _source(planner.make, planner.declaration.model_dump_json()))
+        return PlannerObject(planner, _source(planner.make, planner.declaration.model_dump_json()))
     if isinstance(planner, type):
-        return PlannerHere(OwnPlanner(planner, _declaration(planner)), _source(planner, ""))
+        return PlannerObject(OwnPlanner(planner, _declaration(planner)), _source(planner, ""))
     if not (callable(getattr(planner, "reset", None)) and callable(getattr(planner, "plan", None))):
         raise InvalidRequest(
             f"{type(planner).__name__} is not a planner",
@@ -401,7 +414,7 @@ def _registration(planner: OwnPlanner | Planner | type[Planner]) -> PlannerHere:
             next_step="see docs/own_planner.md",
         )
     made = OwnPlanner(lambda: planner, _declaration(type(planner)))
-    return PlannerHere(made, _source(type(planner), _state(planner)))
+    return PlannerObject(made, _source(type(planner), _state(planner)))
 
 
 def _declaration(kind: type) -> PlannerDeclaration:

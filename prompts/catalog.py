@@ -1,4 +1,7 @@
-"""The prompts of the server: whole tasks, and tasks with a condition. Text only, because some hosts fail otherwise."""
+"""The prompts of the server: complete workflows, and tasks under a condition of the study.
+
+They contain only text, because some hosts fail on other content.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +24,7 @@ _MOST_IDS = 1000
 
 @dataclass(frozen=True)
 class _WholeTask:
-    """A prompt: its arguments (name → meaning and default; an empty default makes it required) and its text."""
+    """A prompt: its arguments (by name, meaning and default; an empty default makes it required) and its text."""
 
     name: str
     title: str
@@ -110,7 +113,7 @@ def prompt_text(name: str, given: dict[str, str], facts: WorkspaceFacts) -> GetP
         facts: the content of the workspace, for the prompts of tasks.
 
     Raises:
-        UnknownName: no such prompt, argument or condition.
+        UnknownName: there is no such prompt, argument or condition.
         InvalidRequest: a required argument is missing.
     """
     arguments = _arguments_of(name)
@@ -137,7 +140,7 @@ def completions(name: str, argument: str, typed: str, workspace: Workspace) -> l
     """Return the values of a prompt's argument that complete the typed text, ignoring case; empty for free text.
 
     Raises:
-        UnknownName: no such prompt or argument.
+        UnknownName: there is no such prompt or argument.
     """
     arguments = _arguments_of(name)
     if argument not in arguments:

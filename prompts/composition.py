@@ -1,8 +1,7 @@
 """Compose the prompts for the paper's tasks from the parts in ``parts/`` and the vocabularies of the schemas.
 
 The five conditions are those of the paper (Methodology, Prompting Techniques): the task alone (``baseline``), the task
-with context (``cp``), and the latter with demonstrations (``icl``), with reasoning steps (``cot``), or with the two
-together.
+with context (``cp``), and the task with context and demonstrations (``icl``), reasoning steps (``cot``), or both.
 """
 
 from collections.abc import Mapping, Sequence
@@ -43,20 +42,20 @@ _MOST_PLACES, _LONGEST_PLACE = 12, 60
 
 @dataclass(frozen=True)
 class WorkspaceFacts:
-    """The facts of a workspace in a prompt: places on its maps, and countries (ISO alpha-3) of its scenarios."""
+    """Facts about a workspace for a prompt: places on its maps, and countries (ISO alpha-3) of its scenarios."""
 
     map_places: tuple[str, ...] = ()
     countries: tuple[str, ...] = ()
 
 
 def system_prompt(task: str, condition: str, facts: WorkspaceFacts | None = None) -> str:
-    """Return the system prompt of a task with a condition.
+    """Return the system prompt of a task under a condition.
 
     Args:
         facts: the content of the workspace; without it, the prompt says where to look it up.
 
     Raises:
-        UnknownName: no such task or condition.
+        UnknownName: there is no such task or condition.
     """
     if task not in TASKS:
         raise UnknownName(f"there is no task {quoted(task)}", valid=closest(task, TASKS))

@@ -1,4 +1,4 @@
-"""MCP Apps: a host with the extension shows the answers of some tools in pages with views.
+"""MCP Apps: a host with the extension shows the answers of several tools in pages with views.
 
 A tool refers to its page (``_meta.ui.resourceUri``), and an answer to the view on that page (``VIEW_KEY`` in its
 ``_meta``). The page reads the view's data as a resource through the host, so they never pass through the model. Hosts

@@ -73,7 +73,7 @@ def read_resource(uri: str, workspace: Workspace) -> tuple[str | bytes, str]:
     """Return the content and media type behind a URI.
 
     Raises:
-        UnknownName: there is no such resource; lists the valid forms.
+        UnknownName: there is no such resource; the error lists the valid forms.
         NotPossible: the file exceeds 16 MiB.
     """
     match = re.fullmatch(rf"{re.escape(SCHEME)}([a-z]+)/([\w.\-]+)(?:/([\w.\-]+))?", uri)
@@ -216,7 +216,7 @@ def _planners(given: dict[str, str]) -> Iterable[str]:
 
 
 def _presets(planners: Iterable[str]) -> Iterable[str]:
-    """Return the names of the presets of some planners, each once."""
+    """Return the names of the presets of the given planners, each once."""
     return dict.fromkeys(preset for name in planners for preset in tuning_of(name).presets)
 
 

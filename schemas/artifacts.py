@@ -12,6 +12,7 @@ from .planning import PlannerConfiguration
 from .results import Rate
 from .runs import LostCell, Prediction, RunRecord, ScenarioSource, Traffic
 from .text import counted, shown_name
+from .worlds import PERFECT_NAME
 
 RESOURCE_SCHEME = "plannerforge://"
 """The scheme of all resource addresses."""
@@ -70,9 +71,12 @@ class BatchSummary(Model):
     scenarios: int = Field(description="scenarios run")
     configs: tuple[ConfigSuccess, ...] = Field(description="success of each configuration")
     lost: int = 0
+    world: str = Field(
+        PERFECT_NAME, exclude_if=lambda world: world == PERFECT_NAME, description="the sensors; absent: perfect"
+    )
 
     def in_words(self) -> str:
-        """Return text such as ``recorded traffic, 25 scenarios: Default 18/25 = 72 % (95 %: 52–86 %)``."""
+        """Return text such as ``recorded traffic, 25 scenarios: Default 18/25 = 72% (95%: 52–86%)``."""
         shown = [f"{one.config_name} {one.success.in_words()}" for one in self.configs[:_MOST_CONFIGS]]
         left_out = len(self.configs) - len(shown)
         more = [f"{counted(left_out, 'configuration')} more"] if left_out else []
@@ -80,7 +84,8 @@ class BatchSummary(Model):
         apart = [f"{invalid} invalid"] * bool(invalid) + [f"{self.lost} lost"] * bool(self.lost)
         rates = ", ".join([*shown, *more, *apart]) or "no run"
         prediction = self.prediction.replace("_", " ")
-        return f"{prediction}, {self.traffic} traffic, {counted(self.scenarios, 'scenario')}: {rates}"
+        world = "" if self.world == PERFECT_NAME else f", world {self.world}"
+        return f"{prediction}, {self.traffic} traffic{world}, {counted(self.scenarios, 'scenario')}: {rates}"
 
 
 class ListedArtifact(Model):
@@ -100,8 +105,26 @@ class ListedArtifact(Model):
         if self.batch is not None:
             return f"{self.kind} {self.artifact_id}, {self.made_at}: {self.batch.in_words()}"
         name = f" ({shown_name(self.name)})" if self.name and self.name != self.artifact_id else ""
-        parents = f" from {', '.join(self.parents[:4])}" if self.parents else ""
+        more = len(self.parents) - _MOST_PARENTS
+        rest = f" and {more} more" if more > 0 else ""
+        parents = f" from {', '.join(self.parents[:_MOST_PARENTS])}{rest}" if self.parents else ""
         return f"{self.kind} {self.artifact_id}{name} by {self.made_by}{parents}, {self.made_at}"
+
+
+_MOST_PARENTS = 4
+"""How many parents the line of an artifact shows (chosen)."""
+_MADE_WITH: Mapping[str, str] = {
+    "scenario": "generate_scenarios or import_files",
+    "search": "find_scenarios",
+    "config": "configure_planner or import_files",
+    "run": "run_planner",
+    "batch": "run_planner",
+    "map": "describe_catalog with facet maps lists the built-in maps; import_files adds one",
+    "plan": "generate_scenarios with cover",
+    "study": "optimize_planner",
+    "job": "generate_scenarios, run_planner or optimize_planner",
+}
+"""The calls that create artifacts of each kind."""
 
 
 class ListArtifactsResult(Result):
@@ -109,15 +132,19 @@ class ListArtifactsResult(Result):
 
     artifacts: tuple[ListedArtifact, ...] = Field(description="the artifacts, newest first")
     more: bool = Field(description="whether the list continues")
+    kind: str | None = Field(None, exclude=True)
+    is_filtered: bool = Field(False, exclude=True)
 
     def answer(self) -> Answer:
         """Return one line per artifact."""
         if not self.artifacts:
-            following = "generate_scenarios, find_scenarios or import_files"
-            return Answer("No artifact matches yet.", next_step=following)
+            following = _MADE_WITH.get(self.kind or "", "generate_scenarios, find_scenarios or import_files")
+            what = "imported map" if self.kind == "map" else self.kind or "artifact"
+            missing = f"No {what} has these properties." if self.is_filtered else f"There is no {what} yet."
+            return Answer(missing, next_step="leave out text and parent" if self.is_filtered else following)
         lines = [item.in_words() for item in self.artifacts]
         rated = sum(item.batch is not None for item in self.artifacts)
-        steps = ["raise offset for more"] * self.more + ["compare_results tests two of them"] * (rated > 1)
+        steps = ["raise offset for more"] * self.more + ["compare two of them with compare_results"] * (rated > 1)
         return Answer(lines[0], listed=lines[1:], next_step="; ".join(steps))
 
 
@@ -168,8 +195,11 @@ class RoadGeometry(Model):
 
     def in_words(self) -> str:
         """Return the distances as text."""
-        share = f"{math.floor(self.within_share * 1000) / 10:g} %"
-        return f"{share} of {self.points:,} boundary points within {SAME_BOUND_M:g} m, at most {self.max_m:.2f} m off"
+        share = f"{math.floor(self.within_share * 1000) / 10:g}%"
+        return (
+            f"{share} of {self.points:,} lane boundary points within {SAME_BOUND_M:g} m of the scenario's, "
+            f"the farthest {self.max_m:.2f} m off"
+        )
 
 
 class ExportedFile(Model):
@@ -207,7 +237,7 @@ class ExportArtifactsResult(Result):
         """Return the folder, then one line per file."""
         rest = "the structured answer lists all"
         return Answer(
-            f"{len(self.files)} files in {self.folder}:",
+            f"{counted(len(self.files), 'file')} in {self.folder}:",
             listed=first_of([file.in_words() for file in self.files], 40, rest),
         )
 
@@ -292,7 +322,7 @@ class ImportedItem(Model):
 
 
 class RefusedItem(Model):
-    """A file that was not imported, and why."""
+    """A file that was not imported, and the reason."""
 
     file: str = Field(description="path of the file")
     reason: str = Field(description="why it was not imported")

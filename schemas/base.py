@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
 from .errors import closest
-from .text import counted, one_line, quoted
+from .text import counted, one_line, quoted, stated_once
 
 LONGEST_PATH = 4000
 """The maximum length of a path in characters. Linux allows 4,096 bytes."""
@@ -63,7 +63,8 @@ class Answer:
         """Return the parts in order, one line each."""
         warnings = (f"Warning: {warning}" for warning in self.warnings)
         following = [f"Next: {self.next_step}"] if self.next_step else []
-        return "\n".join([self.headline, *self.decided, *self.figures, *self.listed, *warnings, *following])
+        parts = [self.headline, *self.decided, *self.figures, *self.listed, *warnings, *following]
+        return stated_once("\n".join(parts))
 
 
 def first_of(lines: Sequence[str], most: int, rest: str) -> list[str]:
@@ -122,9 +123,12 @@ def problems_of(model: type[BaseModel], error: ValidationError, noun: str = "fie
     return [problem_of(model, detail, noun) for detail in error.errors(include_url=False)]
 
 
-def problem_of(model: type[BaseModel], detail: ErrorDetails, noun: str = "field") -> tuple[str, list[str]]:
+def problem_of(
+    model: type[BaseModel], detail: ErrorDetails, noun: str = "field", *, ranged: bool = True
+) -> tuple[str, list[str]]:
     """Return a problem with the valid values, nearest first.
 
+    ``ranged``: whether the problem states the valid range, too, because its text is used without the values.
     The text is never pydantic's, which refers to Python's types. An unknown kind of error is described by the values
     that the field accepts. Messages of our own checks are used unchanged.
     """
@@ -132,7 +136,7 @@ def problem_of(model: type[BaseModel], detail: ErrorDetails, noun: str = "field"
     if kind == "extra_forbidden":
         fields = list(model_at(model, detail["loc"]).model_fields)
         return f"there is no {noun} '{path}'", closest(str(detail["loc"][-1]), fields, limit=len(fields))
-    wanted, described = _wanted(model, detail["loc"])
+    wanted, described = _expected(model, detail["loc"])
     if kind == "missing":
         return f"the {noun} '{path}' is missing", [f"{path}={wanted}{described}"]
     if kind in _CHOICES and (allowed := choices_of(detail)):
@@ -143,7 +147,13 @@ def problem_of(model: type[BaseModel], detail: ErrorDetails, noun: str = "field"
     if kind in _OWN_CHECK:
         message = re.sub(r"^(Value error|Assertion failed), ", "", detail["msg"])
         return f"{path}: {message[:1].lower()}{message[1:]} (given: {_short(detail['input'])})", valid
-    return f"{path} takes {wanted}, not {_given(kind, detail['input'])}", valid
+    given = detail["input"]
+    if ranged:
+        return f"{path} takes {wanted}, not {_given(kind, given)}", valid
+    part = "element" if kind in ("too_short", "too_long") else "character"
+    if _given(kind, given) != _short(given):
+        return f"{path} cannot have {counted(len(given), part)}", valid
+    return f"{path} cannot be {_short(given)}", valid
 
 
 def choices_of(detail: ErrorDetails) -> list[str]:
@@ -179,7 +189,7 @@ def _path(location: tuple[int | str, ...]) -> str:
     return text or "it"
 
 
-def _wanted(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[str, str]:
+def _expected(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[str, str]:
     """Return what an argument accepts, in words, and its description in brackets, from its schema."""
     named = [place for place, part in enumerate(location) if isinstance(part, str)]
     name = location[named[-1]] if named else ""

@@ -8,6 +8,7 @@ from .base import Answer, Arguments, Model, Result
 from .exploration import EncounterSetting, Evaluation, LogicalScenario, Parameter, PointOutcome
 from .runs import Prediction, Traffic
 from .text import counted
+from .worlds import PERFECT, PERFECT_NAME, World
 
 OUTCOME_WORDS: Final[dict[PointOutcome, str]] = {
     "safe": "safe",
@@ -38,6 +39,7 @@ class ExploreBoundaryArguments(Arguments):
     """As in `run_planner`."""
     traffic: Traffic | None = None
     """As in `run_planner`; by default that of the logical scenario."""
+    world: str = Field(PERFECT_NAME, description="as in run_planner")
     wait_s: float = Field(45, ge=0, le=50)
     """How long to wait for the map, in s. Afterwards the answer gives the job's id."""
     seed: int = 0
@@ -129,6 +131,7 @@ class BoundaryRecord(Model):
     prediction: Prediction
     traffic: Traffic
     seed: int
+    world: World = Field(PERFECT, exclude_if=lambda world: world.is_perfect)
     maps: tuple[BoundaryMap, ...]
 
     def values_at(self, place: tuple[int, int], at: dict[str, float]) -> dict[str, float]:

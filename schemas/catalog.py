@@ -161,7 +161,7 @@ class Relaxation(Model):
 
 
 class Emptied(Model):
-    """Why no scenario is left: the stage, its conditions that no candidate satisfied, and existing values."""
+    """The stage that left no scenario, its conditions that no candidate satisfied, and the values that exist."""
 
     stage: Stage = Field(description="the stage that left no scenario")
     conditions: tuple[str, ...] = Field(description="its conditions that no candidate satisfies")
@@ -222,13 +222,13 @@ class FindScenariosResult(Result):
         return Answer(headline, decided, listed=lines)
 
     def _step(self, stage: StageCount) -> str:
-        """Return how many scenarios a stage left, with its conditions if none is left in the end."""
+        """Return how many scenarios a stage left, with its conditions if no scenario is left in the end."""
         conditions = f" [{', '.join(stage.conditions)}]" if not self.total else ""
         return f"{stage.left} after {stage.stage}{conditions}"
 
 
 def _covered(coverage: Coverage) -> str:
-    missed = f" (not {', '.join(coverage.missed)})" if coverage.missed else ""
+    missed = f" (not covered: {', '.join(coverage.missed)})" if coverage.missed else ""
     return f"{coverage.dimension} {', '.join(coverage.covered)}{missed}"
 
 
@@ -250,7 +250,7 @@ def _line(scenario: FoundScenario, requested: Collection[str]) -> str:
 class RankRequest(Model):
     """The scenarios to rank by similarity to a text, and the paths of the catalogue and the index.
 
-    If ``candidates`` is None, all scenarios are ranked; if it is empty, none is.
+    If ``candidates`` is None, all scenarios are ranked; if it is empty, no scenario is.
     """
 
     database: Path

@@ -13,8 +13,9 @@ from pydantic import Field
 from .base import Model
 from .modification import Edit
 from .planning import PlannerConfiguration
-from .reviews import BodySide, ContactKind, DriverModelName, DriverStart, LaidTo
+from .reviews import BodySide, CollisionCause, ContactKind, DriverModelName, DriverStart
 from .runs import Outcome, Prediction, Traffic
+from .worlds import PERFECT, World
 
 PointOutcome = Literal["safe", "failed_avoidably", "failed_unavoidably", "implausible", "invalid"]
 """How a planner fares at a point.
@@ -109,6 +110,7 @@ class EncounterSetting(Model):
     traffic: Traffic = "recorded"
     prediction: Prediction = "constant_velocity"
     seed: int = 0
+    world: World = PERFECT
     horizon_s: float = Field(6.0, gt=0.0)
 
 
@@ -141,7 +143,7 @@ class Evaluation(Model):
     other_side: BodySide | None = None
     ego_speed_mps: float | None = Field(None, description="at the contact, or at the least gap")
     other_speed_mps: float | None = None
-    cause: LaidTo | None = None
+    cause: CollisionCause | None = None
     least_gap_m: float | None = None
     least_time_to_collision_s: float | None = None
     prevented_by: tuple[AvoidingDriver, ...] = ()

@@ -88,7 +88,7 @@ class Selector:
     negated: bool = False
 
     def __str__(self) -> str:
-        """Return the selector as written in a call."""
+        """Return the selector in the notation of a call, such as ``nearest:3`` or ``!12``."""
         body = self.argument if self.kind == "id" else f"{self.kind}:{self.argument}" if self.argument else self.kind
         return f"!{body}" if self.negated else body
 
@@ -99,7 +99,7 @@ def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
     ``step_s`` allows ``steps`` if the base unit is seconds.
 
     Raises:
-        InvalidRequest: not a finite number, or a unit of another kind.
+        InvalidRequest: the text is not a finite number, or has a unit of another kind.
     """
     match = re.fullmatch(rf"\s*({_NUMBER})\s*({_UNIT})?\s*", text)
     units = dict(_TO_BASE[unit])
@@ -117,7 +117,7 @@ def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
     factor = units.get(match[2].lower())
     if factor is None:
         raise InvalidRequest(
-            f"'{text}' has the unit '{match[2]}'",
+            f"'{text}' has the unit '{match[2]}', which is not valid here",
             valid=list(units) or ["a number without a unit"],
             next_step="write it in one of these units" if units else "leave the unit out",
             remedies=[
@@ -139,7 +139,7 @@ def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
     The ends are inclusive. A unit that occurs once applies to both numbers.
 
     Raises:
-        InvalidRequest: malformed, or the ends are in the wrong order.
+        InvalidRequest: the text is malformed, or the ends are in the wrong order.
     """
     body = text.strip()
     is_one = re.fullmatch(rf"=?\s*{_NUMBER}\s*(?:{_UNIT})?", body)
@@ -159,7 +159,7 @@ def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
         low, high = (parse_quantity(part, unit, step_s=step_s) for part in (first, between[2]))
         if low > high:
             raise InvalidRequest(
-                f"'{text}' starts above its end",
+                f"'{text}' is reversed: its start is above its end",
                 valid=[f"{between[2]}..{first}"],
                 next_step="swap its ends",
                 given=text,
@@ -195,7 +195,7 @@ def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False, word
         words: whether a word may be on the right, as in ``outcome=collision``.
 
     Raises:
-        InvalidRequest: malformed.
+        InvalidRequest: the condition is malformed.
     """
     match = re.fullmatch(rf"\s*(!?)\s*({_NAME})(?:@([a-z]+))?\s*(?:(>=|<=|==|=|>|<)\s*(.+?))?\s*", scope_first(text))
     if match is None:
@@ -220,11 +220,17 @@ def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False, word
     return Condition(name, interval, None, negated, scope)
 
 
+def as_exclusion(text: str) -> str:
+    """Return ``!trucks`` for ``no trucks`` or ``without trucks``; any other condition stays as it is."""
+    denied = re.fullmatch(rf"\s*(?:no|without)\s+({_NAME})\s*", text, re.IGNORECASE)
+    return text if denied is None else f"!{denied[1]}"
+
+
 def parse_assignment(text: str) -> Assignment:
     """Parse a change such as ``jerk=0.5``, ``jerk*2``, ``jerk+0.1`` or ``jerk=lateral_jerk``.
 
     Raises:
-        InvalidRequest: malformed, or not a finite number.
+        InvalidRequest: the text is malformed, or its number is not finite.
     """
     examples = ["name=0.5", "name*2", "name+0.1", "name-0.1", "name=other_name"]
     match = re.fullmatch(r"\s*([A-Za-z_]\w*)\s*([=*+\-])\s*(\S.*?)\s*", text)
@@ -259,7 +265,7 @@ def parse_selector(text: str) -> Selector:
 
     Raises:
         UnknownName: the word is not a selector.
-        InvalidRequest: an argument that does not fit, such as ``nearest:many``.
+        InvalidRequest: an argument does not fit, such as ``nearest:many``.
     """
     body = text.strip()
     negated = body.startswith("!")
@@ -281,7 +287,9 @@ def parse_selector(text: str) -> Selector:
             )
         return Selector(kind, argument, negated)
     nearest = [SELECTORS[0], *closest(kind, SELECTORS[1:])]
-    raise UnknownName(f"'{text}' selects no vehicles", valid=nearest, next_step="use one of these forms")
+    raise UnknownName(
+        f"'{text}' selects no vehicles", valid=nearest, next_step="select vehicles in one of the valid forms"
+    )
 
 
 def _compared(text: str, operator: str, right: str, unit: BaseUnit, whole: bool) -> Interval:
@@ -305,7 +313,7 @@ def _compared(text: str, operator: str, right: str, unit: BaseUnit, whole: bool)
 
 
 def _whole(text: str) -> str:
-    """Return the text with its numbers rounded to whole ones."""
+    """Return the text with its numbers rounded to integers."""
     return re.sub(_NUMBER, lambda found: f"{round(float(found[0]))}", text)
 
 

@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from .base import Answer, Arguments, Result
+from .text import counted
 
 JobState = Literal["running", "done", "failed", "cancelled", "interrupted"]
 """``interrupted`` means that the job's server stopped before the job was done."""
@@ -15,7 +16,7 @@ _SHOWN_RESULTS = 5
 
 
 class GetJobArguments(Arguments):
-    """State, progress, estimate and partial results of a job; waits for its end."""
+    """State, progress, partial results of a job; waits for its end."""
 
     job_id: str = "latest"
     """The job."""
@@ -56,9 +57,9 @@ class JobResult(Result):
 
     @property
     def _finished(self) -> str:
-        """The batch, which contains its runs, or else the newest results and the number of earlier ones."""
+        """The batch, which contains its runs, or else the newest results and the number of earlier results."""
         batches = [key for key in self.results if key.startswith("batch_")]
         shown = batches or list(self.results[-_SHOWN_RESULTS:])
         more = len(self.results) - len(shown)
-        rest = f" with {more} runs" if batches else f" and {more} earlier"
+        rest = f" with {counted(more, 'run')}" if batches else f" and {more} earlier"
         return ", ".join(shown) + (rest if more > 0 else "")

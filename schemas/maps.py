@@ -54,7 +54,7 @@ class NamedPlace(Model):
     """A real place as Nominatim knows it.
 
     ``names`` are all of its names, and ``around`` those of the areas that contain it, nearest first. ``kind`` is
-    its type (city, road, bus_stop …). ``lines`` are the courses of a road as (latitude, longitude). ``country`` is ISO
+    its type (city, road, bus_stop …). ``lines`` are a road's polylines as (latitude, longitude). ``country`` is ISO
     3166-1 alpha-3. ``importance`` is Nominatim's, in [0, 1].
     """
 
@@ -74,7 +74,7 @@ class NamedPlace(Model):
 
     @property
     def is_settlement(self) -> bool:
-        """Return whether the place is a settlement, a part of a settlement, or a region."""
+        """Whether the place is a settlement, a part of a settlement, or a region."""
         return self.kind in SETTLEMENTS
 
 

@@ -19,6 +19,7 @@ from typing import Literal
 from pydantic import Field, field_validator
 
 from .base import Model
+from .text import RISK_SCALE
 
 Relation = Literal["ahead", "behind", "beside", "oncoming", "crossing"]
 """The relation of a road user to the ego: the side if its heading is within 45° of the ego's, otherwise its heading."""
@@ -68,7 +69,7 @@ class Measure:
 
     @property
     def stored(self) -> bool:
-        """Return whether the measure is stored with every run."""
+        """Whether the measure is stored with every run."""
         return self.name in RunMetrics.model_fields
 
 
@@ -92,12 +93,11 @@ class MeasuredValue(Model):
 
     @property
     def partner(self) -> str:
-        """Return text such as ``car 39 ahead``; empty if there is no other road user."""
-        return (
-            ""
-            if self.obstacle_id is None
-            else f"{self.obstacle_class} {self.obstacle_id} {self.relation or ''}".strip()
-        )
+        """Text such as ``car 39 ahead``; empty if there is no other road user."""
+        if self.obstacle_id is None:
+            return ""
+        where = "alongside" if self.relation == "beside" else self.relation or ""
+        return f"{self.obstacle_class} {self.obstacle_id} {where}".strip()
 
 
 class MeasureSpread(Model):
@@ -291,11 +291,11 @@ MEASURES: tuple[Measure, ...] = (
     ),
     Measure(
         "time_exposed_s",
-        "time exposed time to collision",
+        "time-exposed time to collision",
         "s",
         "lower",
         "how long the time to collision with the leader was 3 s or less",
-        "(number of driven steps at whose end the time to collision with the leader is 3 s or less) × step length",
+        "(number of driven steps that end with a time to collision with the leader of 3 s or less) × step length",
         "Minderhoud and Bovy 2001",
         "0 to the run's duration",
         _NOT_AHEAD,
@@ -303,7 +303,7 @@ MEASURES: tuple[Measure, ...] = (
     ),
     Measure(
         "time_integrated_s2",
-        "time integrated time to collision",
+        "time-integrated time to collision",
         "s²",
         "lower",
         "how far and how long the time to collision with the leader was below 3 s",
@@ -373,7 +373,7 @@ MEASURES: tuple[Measure, ...] = (
     ),
     Measure(
         "rss_margin_m",
-        "RSS margin",
+        "Responsibility-Sensitive Safety margin",
         "m",
         "higher",
         "the smallest difference between the gap to the vehicle ahead and RSS's safe distance; below 0 the ego was too "
@@ -400,7 +400,7 @@ MEASURES: tuple[Measure, ...] = (
     ),
     Measure(
         "risk_score",
-        "risk score (0 = collision, 5 = negligible)",
+        f"risk score ({RISK_SCALE})",
         "of 5",
         "higher",
         "the most dangerous time of a run by gap and time to collision: 0 a collision, 5 negligible",
@@ -613,7 +613,7 @@ def measure_named(name: str) -> Measure | None:
     return _BY_NAME.get(name)
 
 
-def metric_meant(text: str) -> str:
+def metric_of_label(text: str) -> str:
     """Return the name of the measure that an answer, table or legend prints as ``text``, otherwise the text itself.
 
     The printed forms are the name, its words with and without the explanation in brackets, and the abbreviation. Case,

@@ -9,7 +9,7 @@ from typing import Final, Literal, NamedTuple, TypeVar
 from pydantic import Field
 
 from .base import DRIVEN_OTHERWISE, Answer, Arguments, Model, Result, first_of
-from .text import counted
+from .text import RISK_SCALE, counted
 
 EditOperation = Literal[
     "reroute",
@@ -157,7 +157,7 @@ class Edit(Arguments):
 
     @property
     def names_added(self) -> bool:
-        """Return whether the edit refers to a vehicle that another edit adds (``new:K``)."""
+        """Whether the edit refers to a vehicle that another edit adds (``new:K``)."""
         words = [*self.vehicles, *self.to, *self.via, *([] if self.at is None else [self.at])]
         return any(re.search(r"\bnew:\d", word) for word in words)
 
@@ -180,7 +180,7 @@ def _as_written(value: object) -> str:
 class ModifyScenarioArguments(Arguments):
     """Change the traffic or the ego's goal: edits in the given order, all or none, one new scenario.
 
-    Untouched vehicles stay exactly as recorded. The ego's own driving is configure_planner's.
+    Untouched vehicles stay as recorded. The ego's own driving is configure_planner's.
     """
 
     scenario_id: str = "latest"
@@ -223,7 +223,7 @@ class Achieved(Model):
 
     @property
     def failed(self) -> bool:
-        """Return whether the requested motion did not happen at all, so there is no value to compare."""
+        """Whether the requested motion did not happen at all, so there is no value to compare."""
         return self.asked is None and not self.reached
 
 
@@ -244,13 +244,13 @@ class EditReport(Model):
     def verdict(self) -> str:
         """The verdict: ``done``, ``without effect``, or how many vehicles reach what the edit requests."""
         if not self.done:
-            return "not reached" if any(one.failed for one in self.achieved) else "without effect"
+            return "off target" if any(one.failed for one in self.achieved) else "without effect"
         missing = {route.vehicle_id for route in self.routes if route.arrives is False}
         missing |= {one.vehicle_id for one in self.achieved if not one.reached}
         targeted = {route.vehicle_id for route in self.routes if route.arrives is not None}
         targeted |= {one.vehicle_id for one in self.achieved}
         missed, sent = len(missing), len(targeted)
-        return "done" if not missed else "not reached" if missed == sent else f"reached by {sent - missed} of {sent}"
+        return "done" if not missed else "off target" if missed == sent else f"on target for {sent - missed} of {sent}"
 
 
 class EditCollision(Model):
@@ -341,7 +341,7 @@ class ModificationOutcome(Model):
 
     @property
     def handed_over(self) -> tuple[int, ...]:
-        """Vehicles that no edit names, but that would have hit an edited one, or that react with all traffic."""
+        """The vehicles that no edit names, but that would have hit an edited vehicle or react with all traffic."""
         return tuple(vehicle.vehicle_id for vehicle in self.touched if vehicle.cause == "handed_over")
 
 
@@ -380,9 +380,11 @@ class ModifyScenarioResult(Result):
         stored = f"{self.scenario_id} (from {self.base_id}{', already stored' if self.reused else ''})"
         head = stored if self.scenario_id else f"Dry run on {self.base_id}, nothing stored"
         hits = [f"{hit.vehicles[0]} hits {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in self.collisions]
-        collisions = [f"new collision: {'; '.join(first_of(hits, *self._most(_MOST_COLLISIONS)))}"] if hits else []
+        shown = "; ".join(first_of(hits, *self._most(_MOST_COLLISIONS)))
+        collisions = [f"new collision of road users: {shown}"] if hits else []
         infeasible = [
-            f"a car cannot follow {1 - share:.1%} of the motion of {_ids(keys)}{', as in the recording' * is_recorded}"
+            f"{1 - share:.1%} of the motion of vehicle{'s' * (len(keys) > 1)} {_ids(keys)} is infeasible"
+            f"{', as in the recording' * is_recorded}"
             for (share, is_recorded), keys in _grouped(
                 (vehicle.vehicle_id, (vehicle.feasible_share, _is_recording(vehicle)))
                 for vehicle in self.touched
@@ -404,7 +406,7 @@ class ModifyScenarioResult(Result):
         )
 
     def _most(self, brief: int) -> tuple[int, str]:
-        """Return how many items of a list to show, and the call that shows the remaining ones."""
+        """Return how many items of a list to show, and the call that shows the remaining items."""
         if self.detail == "brief":
             return brief, "modify_scenario with detail=checks"
         return _MOST_IN_DETAIL, "the structured answer has all"
@@ -428,14 +430,15 @@ class ModifyScenarioResult(Result):
             yield from first_of(lines, max(shown // len(self.edits), _MOST_ROUTES), others)
         undone = [edit.index for edit in self.edits[most:] if edit.verdict != "done"]
         if self.edits[most:]:
-            yield f"… {len(self.edits) - most} more edits (not done or not reached: {_ids(undone)}): {rest}"
+            yield f"… {len(self.edits) - most} more edits (not done or off target: {_ids(undone)}): {rest}"
 
     def _others(self) -> list[str]:
-        """Return which other vehicles react, and why, and how many keep their recording."""
+        """Return lines on which other vehicles react, with the reason, and on how many keep their recording."""
         reacting = [vehicle for vehicle in self.touched if vehicle.cause == "handed_over"]
         lines = []
         if self.traffic == "reactive":
-            lines.append(f"All traffic reacts: {counted(len(reacting), 'more vehicle')} simulated.")
+            others = counted(len(reacting), "unedited vehicle") if reacting else "no unedited vehicle"
+            lines.append(f"All traffic reacts: {others} simulated.")
         elif reacting:
             labels = [f"{vehicle.vehicle_id}{f' ({vehicle.reason})' * bool(vehicle.reason)}" for vehicle in reacting]
             most, _ = self._most(_MOST_TOUCHED)
@@ -444,7 +447,10 @@ class ModifyScenarioResult(Result):
         lines += [*self._moved(), *self._previously_standing()]
         if self.detail == "checks":
             lines += first_of([_touched_text(vehicle) for vehicle in self.touched], *self._most(0))
-        return [*lines, f"{counted(self.untouched, 'vehicle')} exactly as recorded."]
+        return [
+            *lines,
+            f"{counted(self.untouched, 'vehicle') if self.untouched else 'No vehicles'} exactly as recorded.",
+        ]
 
     def _moved(self) -> list[str]:
         """Return the largest displacements of the edited vehicles, largest first."""
@@ -453,15 +459,15 @@ class ModifyScenarioResult(Result):
             key=lambda vehicle: (-(vehicle.moved_m or 0.0), vehicle.vehicle_id),
         )
         most, _ = self._most(_MOST_TOUCHED)
-        distances = ", ".join(f"{vehicle.vehicle_id}: {vehicle.moved_m:.3g} m" for vehicle in moved[:most])
-        least = f" and {len(moved) - most} more by less" if len(moved) > most else ""
-        return [f"Largest deviation from the recording: {distances}{least}."] if moved else []
+        distances = ", ".join(f"{vehicle.vehicle_id} ({vehicle.moved_m:.3g} m)" for vehicle in moved[:most])
+        least = f" and {len(moved) - most} less far" if len(moved) > most else ""
+        return [f"Farthest from the recording: vehicle{'s' * (len(moved) > 1)} {distances}{least}."] if moved else []
 
     def _previously_standing(self) -> list[str]:
         """Return the vehicles that stood in the recording, perhaps at a light missing in the file, and move now."""
         stood = [(one.vehicle_id, one.stood_until_s) for one in self.touched if one.stood_until_s is not None]
         most, _ = self._most(_MOST_TOUCHED)
-        vehicles = ", ".join(f"{key} (until {until_s:.1f} s)" for key, until_s in stood[:most])
+        vehicles = ", ".join(f"vehicle {key} (stood until {until_s:.1f} s)" for key, until_s in stood[:most])
         more = f" and {len(stood) - most} more" if len(stood) > most else ""
         drive = "drives" if len(stood) == 1 else "drive"
         return [f"Stood in the recording, now {drive}: {vehicles}{more}."] if stood else []
@@ -470,7 +476,7 @@ class ModifyScenarioResult(Result):
         if self.checkers_agree is None:
             return []
         alike = f"{self.checkers_agree} of {len(self.touched)}"
-        return [f"Judged by the drivability checker; the closed form agrees on {alike}."]
+        return [f"Judged by the drivability checker; the closed-form check agrees on {alike} motions."]
 
 
 _MOST_EDITS, _MOST_TOUCHED, _MOST_COLLISIONS, _MOST_NOTES, _MOST_IDS, _MOST_INFEASIBLE = 6, 4, 3, 3, 8, 2
@@ -501,14 +507,14 @@ def _route_text(route: VehicleRoute) -> str:
     lanelets: list[object] = [*route.lanelets]
     if len(lanelets) > _MOST_LANELETS:
         lanelets[_MOST_LANELETS - 1 : -1] = "…"
-    driven = f"lanelets {' → '.join(map(str, lanelets))}"
+    driven = f"lanelet{'s' * (len(lanelets) > 1)} {' → '.join(map(str, lanelets))}"
     if route.arrives is False:
         return f"target not reached: {route.reason} ({driven})"
     return f"target reached, {driven}" if route.arrives else driven
 
 
 def _within(sentences: Sequence[str], characters: int) -> list[str]:
-    """Return the sentences, shortened to a total length if necessary; a long one loses its middle.
+    """Return the sentences, shortened to a total length if necessary; a long sentence loses its middle.
 
     Its end is kept because it says why an edit is not done.
     """
@@ -519,31 +525,32 @@ def _within(sentences: Sequence[str], characters: int) -> list[str]:
 
 
 def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bool) -> list[str]:
-    """Return what changes for an ordinarily driving ego; undefined figures have a reason."""
+    """Return lines on what changes for an ordinarily driving ego; undefined figures have a reason."""
     if before is None or after is None:
         return ["Ego's risk: unknown, because an ordinary driver cannot be simulated as the ego here."]
     was, now = _danger_figures(before), _danger_figures(after)
     new = [f"{word} {was.get(word, 'none')} → {now[word]}" for word in now if was.get(word) != now[word]]
     if not new:
         return [f"No change for the ego: {_RISK} {now[_RISK]}."]
-    ego = "an ordinary ego that cannot see the edited traffic" if blind else "the ego"
+    ego = "an ordinary ego that drives as before the edits" if blind else "the ego"
     return [f"Change for {ego}: {', '.join(new)}."]
 
 
-_RISK = "risk score (0 = collision, 5 = negligible)"
+_RISK = f"risk score ({RISK_SCALE})"
 
 
-def _danger_figures(danger: EgoDanger) -> dict[str, str]:
+def _danger_figures(risk: EgoDanger) -> dict[str, str]:
     """Return the figures as text, by name."""
     figures = {
-        "minimum distance": _figure(danger.minimum_distance_m, " m"),
-        "time to collision": _figure(danger.minimum_time_to_collision_s, " s"),
-        _RISK: _figure(danger.risk_score, ""),
+        "minimum distance": _figure(risk.minimum_distance_m, " m"),
+        "time to collision": _figure(risk.minimum_time_to_collision_s, " s"),
+        _RISK: _figure(risk.risk_score, ""),
     }
-    if danger.most_critical_id is None:
+    if risk.most_critical_id is None:
         return figures
-    met = f"{danger.most_critical_id} at {danger.most_critical_time_s:.1f} s"
-    return figures | ({"collision": f"with {met}"} if danger.risk_score == 0 else {"most critical": met})
+    met = f"{risk.most_critical_id} at {risk.most_critical_time_s:.1f} s"
+    critical = {"collision": f"with road user {met}"} if risk.risk_score == 0 else {"most critical road user": met}
+    return figures | critical
 
 
 def _figure(value: float | None, unit: str) -> str:
@@ -553,15 +560,23 @@ def _figure(value: float | None, unit: str) -> str:
 
 
 def _is_recording(vehicle: TouchedVehicle) -> bool:
-    """Return whether the motion is the recorded one, only shifted in time."""
+    """Return whether the motion is the recorded motion, only shifted in time."""
     return vehicle.cause == "shifted" and vehicle.handover_jump_m is None
+
+
+_CAUSES: Final = {
+    "edited": "edited",
+    "added": "added",
+    "shifted": "shifted in time",
+    "handed_over": "simulated, not edited,",
+}
 
 
 def _touched_text(vehicle: TouchedVehicle) -> str:
     verdict = "feasible" if vehicle.feasible else f"{vehicle.feasible_share:.1%} of the steps feasible"
     verdict += ", as in its recording" if _is_recording(vehicle) else ""
     is_driven = vehicle.cause == "shifted" and not _is_recording(vehicle)
-    cause = f"{vehicle.cause.replace('_', ' ')}{' and driven' if is_driven else ''}"
+    cause = f"{_CAUSES[vehicle.cause]}{' and driven' if is_driven else ''}"
     times = f"from {vehicle.from_time_s:.1f} to {vehicle.until_time_s:.1f} s"
     end = " when it leaves the map" if vehicle.leaves_network else ""
     return f"{vehicle.vehicle_id} {cause} {times}{end}, {verdict}"

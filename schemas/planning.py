@@ -23,6 +23,7 @@ from .runs import (
     ending,
 )
 from .text import without_shared_clauses
+from .worlds import PERFECT, PERFECT_NAME, World
 
 PLANNERS_VARIABLE = "PLANNERFORGE_PLANNERS"
 """The environment variable of the setting that names planner programs; workers read it too."""
@@ -68,12 +69,12 @@ class PlannerSettings(Model):
 
     @property
     def states_vehicle(self) -> bool:
-        """Return whether the configuration names the vehicle, so the ego's class does not decide."""
+        """Whether the configuration names the vehicle, so the ego's class does not decide."""
         return self.vehicle_stated or self.vehicle != 2
 
     @property
     def stated_values(self) -> dict[str, float]:
-        """The settings by name, as written in a file or call, without those that the ego's class determines."""
+        """The settings by name, in the notation of a file or call, except those that the ego's class determines."""
         left_out = {"vehicle_stated"} if self.states_vehicle else {"vehicle_stated", "vehicle"}
         return self.model_dump(exclude_none=True, exclude=left_out)
 
@@ -138,6 +139,7 @@ class RunRequest(Model):
     seed: int = 0
     planner_version: str = Field("", description="for an external planner: the version that the run is stored under")
     begins_at: RunMoment | None = Field(None, description="the ego's start; None means that of the planning problem")
+    world: World = PERFECT
 
 
 class RunResponse(Model):
@@ -184,11 +186,11 @@ class RunPlans(Model):
 
 
 class ListPlannersArguments(Arguments):
-    """Planners, their weights (value, meaning, effect of raising), presets, settings, configurations here."""
+    """Planners, weights (value, meaning, effect of raising), presets, settings, configurations."""
 
     planner: str | None = None
     """Only this planner."""
-    config_id: str | None = Field(None, description="default: the current one")
+    config_id: str | None = Field(None, description="default: current")
 
 
 class WeightInfo(Model):
@@ -278,7 +280,7 @@ class ListPlannersResult(Result):
 class ConfigurePlannerArguments(Arguments):
     """New planner configuration: preset (replaces all weights), then changes."""
 
-    planner: str | None = Field(None, description="default: that of the base")
+    planner: str | None = Field(None, description="default: the base's")
     preset: str | None = Field(None, description="Default, Comfort, Balanced, Sporty, Safety")
     weights: list[str] = Field([], description="'jerk=0.5', 'jerk*2', 'jerk+0.1', 'jerk=lateral_jerk'")
     settings: list[str] = Field([], description="'vehicle=1', horizon_s, replan_steps, sampling_level, length_m …")
@@ -325,7 +327,7 @@ class ConfigurePlannerResult(Result):
 
 
 class RunPlannerArguments(Arguments):
-    """Run scenarios x configurations now; large grids give a job id."""
+    """Run scenarios x configurations; large grids give a job id."""
 
     scenarios: list[str] = Field(
         ["latest"],
@@ -337,10 +339,11 @@ class RunPlannerArguments(Arguments):
     """The prediction of others that the planner receives."""
     traffic: Traffic = "recorded"
     """Whether others follow their recording or react to the ego."""
+    world: str = Field(PERFECT_NAME, description="sensors: lidar, camera, fog …, missed=0.1")
     wait_s: float = Field(45, ge=0, le=50)
     """How long to wait for the runs, in s. Afterwards the answer gives the job's id."""
     seed: int = 0
-    """The seed of reactive traffic."""
+    """The seed of reactive traffic and of the sensors."""
 
 
 class RunLine(Model):
@@ -395,6 +398,11 @@ class RunPlannerResult(Result):
     lost: tuple[LostCell, ...] = Field((), description="at most 10: internal errors, not failures of the planner")
     notes: tuple[str, ...] = ()
     next_step: str
+    world: str = Field(
+        PERFECT_NAME,
+        exclude_if=lambda world: world == PERFECT_NAME,
+        description="what the planner's sensors miss and distort; absent: nothing",
+    )
 
     def answer(self) -> Answer:
         """Return how one run ended with its key moments, or a grid's goal rates by configuration and first failures."""
@@ -417,10 +425,11 @@ class RunPlannerResult(Result):
         )
 
     def _modes(self) -> str:
-        """Return the traffic and prediction modes that differ from the defaults."""
+        """Return the traffic, prediction and world that differ from the defaults."""
         default = RunPlannerArguments()
         modes = [f"traffic {self.traffic}"] if self.traffic != default.traffic else []
         modes += [f"prediction {self.prediction}"] if self.prediction != default.prediction else []
+        modes += [f"world {self.world}"] if self.world != PERFECT_NAME else []
         return f" ({', '.join(modes)})" if modes else ""
 
     def _noted(self) -> list[str]:

@@ -68,8 +68,8 @@ class RenderArguments(Arguments):
     ids: list[str] = Field(["latest"], min_length=1, max_length=200, description="scenario, run or batch ids")
     kind: PictureKind = "auto"
     """What to draw; `auto` draws the outcomes of runs on several scenarios, otherwise a picture."""
-    time_s: float | None = Field(None, ge=0, description="default: start or a run's end")
-    focus: int | None = Field(None, description="vehicle to centre on")
+    time_s: float | None = Field(None, ge=0, description="default: start or run's end")
+    focus: int | None = Field(None, description="centred vehicle")
 
 
 class RenderRequest(Model):

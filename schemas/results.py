@@ -7,7 +7,7 @@ from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result
 from .measures import MeasuredValue, MeasureSpread, RunMetrics, measure_named, metric_words
-from .reviews import REFERENCE_DRIVERS_DO, Contact, ContactKind, LaidTo, OwnFault, RuleVerdict, RunReview
+from .reviews import COLLISION_CAUSES, CollisionCause, Contact, ContactKind, OwnFault, RuleVerdict, RunReview
 from .runs import (
     LimitExcess,
     Lineage,
@@ -19,11 +19,11 @@ from .runs import (
     ending,
     excesses_in_words,
 )
-from .text import counted, measured, p_figure, p_in_words
+from .text import REFERENCE_DRIVERS_DO, counted, measured, p_figure, p_in_words
 from .text import figure as figure
 
 SIGNIFICANCE_LEVEL = 0.05
-"""The level of every test and of every interval (95 %), in answers, reports, charts and searches: the usual one (Fisher
+"""The level of every test and of every interval (95%), in answers, reports, charts and searches: the usual one (Fisher
 1925, "Statistical Methods for Research Workers", section 12)."""
 Breakdown = Literal[
     "none", "pooled", "planner", "config", "prediction", "country", "scenario", "obstacle_count", "obstacle_class"
@@ -55,7 +55,7 @@ class ConfigWeights(Model):
 
 
 class Rate(Model):
-    """A share of ``count`` among ``of`` with its 95 % interval.
+    """A share of ``count`` among ``of`` with its 95% interval.
 
     ``share``, ``low`` and ``high`` are None if ``of`` is 0, or if the runs were selected by their outcome, because that
     share is not a rate. ``scenarios`` is the number of scenarios of the runs, which the interval counts
@@ -65,17 +65,17 @@ class Rate(Model):
     count: int = Field(description="number of such runs")
     of: int = Field(description="number of runs in total")
     share: float | None = Field(description="`count` / `of`, from 0 to 1")
-    low: float | None = Field(description="lower end of its 95 % interval")
-    high: float | None = Field(description="upper end of its 95 % interval")
+    low: float | None = Field(description="lower end of its 95% interval")
+    high: float | None = Field(description="upper end of its 95% interval")
     scenarios: int | None = None
 
     def in_words(self) -> str:
-        """Return text such as ``6/8 = 75 % (95 %: 41–93 %)``, with the number of original scenarios if not ``of``."""
+        """Return text such as ``6/8 = 75% (95% interval 41–93%)``, with the original scenarios if not ``of``."""
         if self.share is None or self.low is None or self.high is None:
             return f"{self.count}/{self.of}"
-        span = f"95 %: {100 * self.low:.0f}–{100 * self.high:.0f} %"
+        span = f"95% interval {100 * self.low:.0f}–{100 * self.high:.0f}%"
         counted_by_scenario = self.scenarios is not None and self.scenarios != self.of
-        scenarios = f", {counted(self.scenarios or 0, 'original scenario')}" if counted_by_scenario else ""
+        scenarios = f", from {counted(self.scenarios or 0, 'original scenario')}" if counted_by_scenario else ""
         return f"{self.count}/{self.of} = {_percent(self.share)} ({span}{scenarios})"
 
 
@@ -157,7 +157,7 @@ class Correlation(Model):
 
     @property
     def stands(self) -> bool:
-        """Return whether it differs from 0 after Holm's adjustment, also with the other features controlled for."""
+        """Whether the correlation differs from 0, Holm-adjusted, also with the other features controlled for."""
         left = not self.held_fixed or (self.p_fixed is not None and self.p_fixed < SIGNIFICANCE_LEVEL)
         return self.p_holm < SIGNIFICANCE_LEVEL and left
 
@@ -188,7 +188,7 @@ class TriedChange(Model):
 
     @property
     def helps(self) -> bool:
-        """Return whether the gain is clear: as unlikely by chance as four flips to success and no flip back."""
+        """Whether the gain is clear: as unlikely by chance as four flips to success and no flip back."""
         return self.gained > self.lost and self.p <= _CLEAR_P
 
     def in_words(self) -> str:
@@ -205,7 +205,7 @@ _CLEAR_P = 0.0625
 
 
 class Suggestion(Model):
-    """A weight to raise or lower, and why; ``tried`` is the result of a trial, None if there was no trial."""
+    """A weight to raise or lower, and the reason; ``tried`` is the result of a trial, None if there was no trial."""
 
     config_id: str = Field(description="id of the configuration to change")
     weight: str = Field(description="name of the weight")
@@ -248,7 +248,7 @@ class CauseMoment(Model):
     run_id: str
     time_s: float = Field(description="when the two met")
     kind: ContactKind = Field(description="how they met")
-    laid_to: LaidTo | None = Field(None, description="cause that it is attributed to; null: not known")
+    laid_to: CollisionCause | None = Field(None, description="cause that it is attributed to; null: not known")
     fault: OwnFault | None = Field(None, description="what the ego did, if it is attributed to the ego")
     preventable: bool | None = Field(None, description="whether a reference driver prevents it; null: not known")
 
@@ -273,17 +273,17 @@ class CollisionCauses(Model):
     from_behind: int
     recorded_traffic: bool
     success_without: Rate | None = Field(description="null over several configurations")
-    laid_to: dict[LaidTo, int] = Field(default_factory=dict)
+    laid_to: dict[CollisionCause, int] = Field(default_factory=dict)
     evidence: tuple[CauseMoment, ...] = Field((), description="each collision examined")
 
     @property
     def is_sample(self) -> bool:
-        """Return whether only a sample was examined."""
+        """Whether only a sample was examined."""
         return self.looked_at < self.collisions
 
     def in_words(self) -> str:
         """Return the kinds, the causes, and the share that no reference driver prevents, with the rate without them."""
-        kinds = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in self.kinds.items())
+        kinds = ", ".join(f"{count} {kind.replace('_', ' ')}" for kind, count in self.kinds.items())
         some = "" if self.judged == self.looked_at else f" that could be judged, out of {self.looked_at}"
         left = self.success_without
         without = f"; without these runs, goal {left.in_words()}" if self.not_preventable and left is not None else ""
@@ -292,24 +292,27 @@ class CollisionCauses(Model):
             count = f"{self.unpreventable_share.in_words()}{some}"
             without = f"; without such runs, goal about {_estimate(left)}" if without and left is not None else ""
         made = "; collisions caused by the ego are not counted" if "ego" in self.laid_to else ""
-        drivers = f" ({REFERENCE_DRIVERS_DO}, from just before it or from the start{made})"
-        none = f"; no reference driver prevents {count}{drivers if self.not_preventable else ''}" if self.judged else ""
-        laid = ", ".join(f"{cause} {count}" for cause, count in self.laid_to.items())
-        summary = f"{kinds}{f'; attributed to {laid}' if laid else ''}{none}{without}."
+        drivers = f" ({REFERENCE_DRIVERS_DO}; taking over just before the contact or at the start{made})"
+        none = (
+            f"; {count} not preventable by any driver{drivers if self.not_preventable else ''}" if self.judged else ""
+        )
+        counts = ", ".join(f"{count} to {COLLISION_CAUSES[cause]}" for cause, count in self.laid_to.items())
+        summary = f"{kinds}{f'; attributed: {counts}' if counts else ''}{none}{without}."
         sample = f"In a random {self.looked_at} of {self.collisions} collisions: " if self.is_sample else ""
         return f"{sample or 'Collisions: '}{summary}{self._examples()}"
 
     def _examples(self) -> str:
         """Return one collision for each cause."""
         first = {one.laid_to: one for one in reversed(self.evidence) if one.laid_to is not None}
-        shown = [f"{cause} {first[cause].run_id} at {first[cause].time_s:.1f} s" for cause in self.laid_to]
+        shown = [f"{first[cause].run_id} at {first[cause].time_s:.1f} s ({cause})" for cause in self.laid_to]
         return f" Examples: {'; '.join(shown)}." if shown else ""
 
 
 def _estimate(rate: Rate) -> str:
     if rate.share is None or rate.low is None or rate.high is None:
         return "unknown"
-    return f"{_percent(rate.share)} (95 %: {100 * rate.low:.0f}–{100 * rate.high:.0f} %, estimated from the sample)"
+    interval = f"95% interval {100 * rate.low:.0f}–{100 * rate.high:.0f}%"
+    return f"{_percent(rate.share)} ({interval}, estimated from the sample)"
 
 
 TrivialKind = Literal["at_the_start", "standing", "by_time_alone"]
@@ -326,7 +329,7 @@ class TrivialGoals(Model):
     success_without: Rate | None = Field(description="null over several configurations")
 
     def in_words(self) -> str:
-        """Return the number of goals of each kind, and the rate without them."""
+        """Return the number of goals of each kind, and the rate of goals without these runs."""
         kinds = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in self.kinds.items())
         if self.looked_at < self.goals:
             kinds = f"of a random {self.looked_at} of {self.goals}, {kinds}"
@@ -346,7 +349,7 @@ class BeyondVehicle(Model):
     judged: int
 
     def in_words(self) -> str:
-        """Return their number, and the limits exceeded."""
+        """Return the number of runs, and the limits that their motions exceed, as text."""
         by_limit = ", ".join(f"{name} {count}" for name, count in self.limits.items())
         return f"The vehicle cannot drive {len(self.run_ids)} of {self.judged} motions (limits exceeded: {by_limit})."
 
@@ -367,10 +370,10 @@ class RuleShare(Model):
     run_ids: tuple[str, ...]
 
     def in_words(self) -> str:
-        """Return text such as ``R_G3 speed limit: broken in 4/20 = 20 % (95 %: 8–42 %), by 3.1 m/s at worst …``."""
+        """Return text such as ``R_G3 speed limit: broken in 4/20 = 20% (…), by 3.1 m/s at worst …``."""
         rate = self.violated.in_words()
         if self.worst is None:
-            return f"{self.rule} {self.name}: kept in all runs, broken in {rate}"
+            return f"{self.rule} {self.name}: broken in {rate}"
         worst = f"by {measured(self.worst)} {self.unit} at worst ({self.run_ids[0]})"
         return f"{self.rule} {self.name}: broken in {rate}, {worst}"
 
@@ -591,15 +594,23 @@ def _rest_of_metrics(result: AnalyzeResultsResult, above: frozenset[str]) -> lis
         for item in result.metrics
         if item.name not in above
     ]
-    parts += [f"{metric_words(item.name)} undefined: {item.why}" for item in result.undefined if item.name not in above]
+    parts += _undefined([item for item in result.undefined if item.name not in above])
     text = "; ".join(parts)
     return [f"{text[0].upper()}{text[1:]}."] if parts else []
+
+
+def _undefined(metrics: Sequence[UndefinedMetric]) -> list[str]:
+    """Return the undefined metrics with the reason, once for those with the same reason."""
+    names: dict[str, list[str]] = {}
+    for metric in metrics:
+        names.setdefault(metric.why, []).append(metric_words(metric.name))
+    return [f"{' and '.join(words)} undefined: {why}" for why, words in names.items()]
 
 
 def _main_cost(result: AnalyzeResultsResult) -> list[str]:
     """Return the line on the term that made up most of the cost of one run."""
     if not result.costs:
-        return [f"Cost: undefined: {item.why}." for item in result.undefined if item.name == "mean_total_cost"]
+        return [f"Cost undefined: {item.why}." for item in result.undefined if item.name == "mean_total_cost"]
     most = result.costs[0]
     total = next((item.median for item in result.metrics if item.name == "mean_total_cost"), None)
     per_step = "" if total is None else f" of {figure(total)} per planning step"
@@ -637,7 +648,7 @@ def _several_runs(result: AnalyzeResultsResult) -> Answer:
     return Answer(head, figures=figures, listed=[*listed, *_noted(result)], next_step=main)
 
 
-_SAID_ABOVE = frozenset(
+_STATED_ABOVE = frozenset(
     [
         *("main_failure", "dominating_cost", "near_misses", "uncomfortable_turns", "idle_weights"),
         *("stood_without_cause", "braked_without_cause"),
@@ -647,7 +658,7 @@ _SAID_ABOVE = frozenset(
 
 
 def _no_suggestion(result: AnalyzeResultsResult) -> list[str]:
-    """Return a line if findings were requested and no finding suggests a weight."""
+    """Return a line that no finding suggests a weight; empty if one does, or if findings were not requested."""
     if result.detail != "findings" or any(finding.suggestion for finding in result.findings):
         return []
     return [
@@ -659,12 +670,12 @@ def _stated(result: AnalyzeResultsResult) -> list[Finding]:
     """Return the findings that add to the rest of the answer."""
     if result.detail == "findings":
         return list(result.findings)
-    above = _SAID_ABOVE if result.runs == 1 else {"main_failure"}
+    above = _STATED_ABOVE if result.runs == 1 else {"main_failure"}
     return [finding for finding in result.findings if finding.name not in above]
 
 
 def _by_any_motion(result: AnalyzeResultsResult) -> list[str]:
-    """Return the rate by the paper's rule if it differs."""
+    """Return a line with the rate by the paper's rule; no line if no motion to the goal was refused."""
     rate = result.by_any_motion
     return [] if rate is None else [f"By the paper's rule (any motion counts): goal {rate.in_words()}."]
 
@@ -688,7 +699,7 @@ def _finding_text(finding: Finding) -> str:
     """Return a finding in one line, with its evidence, other explanations, and the suggestion."""
     parts = [f"- [{finding.name}] {finding.statement}"]
     if finding.alternatives:
-        parts.append(f"Alternatively: {finding.alternatives}.")
+        parts.append(f"Another explanation: {finding.alternatives}.")
     if finding.suggestion:
         change = finding.suggestion
         tried = "not tried yet; trial=true tries it" if change.tried is None else change.tried.in_words()
@@ -732,7 +743,7 @@ def _metrics(metrics: Sequence[MetricSummary], valid: int, undefined: Sequence[U
         text = middle if low == high else f"{low}–{high}" if item.n == 2 else f"{middle} ({low}–{high})"
         some = "" if item.n == valid else f" (in {item.n} runs)"
         parts.append(f"{metric_words(item.name)} {with_unit(text, item.unit)}{some}")
-    parts += [f"{metric_words(item.name)} undefined: {item.why}" for item in undefined]
+    parts += _undefined(undefined)
     return [f"{'Median (range)' if valid > 2 else 'Range'} over {valid} valid runs: {'; '.join(parts)}."]
 
 
@@ -807,7 +818,7 @@ def _timeline(result: AnalyzeResultsResult) -> list[str]:
         cost = f", {step.largest_cost} {_percent(step.largest_cost_share)} of the cost" if step.largest_cost else ""
         lines.append(f"- {step.time_s:.1f} s: {step.speed_mps:.1f} m/s, {step.acceleration_mps2:+.1f} m/s²{gap}{cost}")
     of = {"end": "Before the end", "moment": "Around the most critical moment", "window": "In the requested span"}
-    return [f"{of[result.timeline_of]}:", *lines] if lines else []
+    return [f"{of[result.timeline_of]}, with the distance to a road user by its id:", *lines] if lines else []
 
 
 def _measured(measures: Sequence[MeasuredValue]) -> list[str]:
@@ -865,11 +876,11 @@ def _percent(share: float | None) -> str:
     """Return a share as a whole percentage, ``<1 %`` if it is smaller, or a dash if it is undefined."""
     if share is None:
         return "–"
-    return "<1 %" if 0 < share < _ONE_PERCENT / 2 else f"{100 * share:.0f} %"
+    return "<1%" if 0 < share < _ONE_PERCENT / 2 else f"{100 * share:.0f}%"
 
 
 def _listed(ids: Iterable[str], most: int, count: int | None = None) -> str:
-    """Return the first ids and how many more there are; ``count`` counts all if ``ids`` is only the first of them."""
+    """Return the first ids and the number of the others; ``count`` counts all if ``ids`` is only the first of them."""
     all_ids = list(ids)
     more = (len(all_ids) if count is None else count) - len(all_ids[:most])
     return " ".join(all_ids[:most]) + (f" +{more}" if more > 0 else "")

@@ -1,15 +1,16 @@
-"""What a look at a run adds to its record: who hit whom, who was at fault, pace, comfort and broken rules.
+"""Reviews of runs, in addition to their records: who hit whom, who was at fault, pace, comfort and broken rules.
 
 ``engine/analysis`` computes it on request from the run's steps and its scenario. This module puts it into words.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import ClassVar, Literal
 
 from pydantic import Field
 
 from .base import Model
-from .text import measured
+from .text import REFERENCE_DRIVERS_DO, measured
+from .worlds import SightCode
 
 ContactKind = Literal[
     "rear_end_by_other",
@@ -42,15 +43,8 @@ DriverStart = Literal["before_contact", "start"]
 """What a driver does until it reacts: it follows the ego's own motion, or it keeps its initial lane and speed."""
 
 
-REFERENCE_DRIVERS_DO = (
-    "full braking at once; or UN R157's careful and fuzzy drivers or RSS, which keep the ego's speed until they see a "
-    "danger"
-)
-"""The drivers of a verdict and what they do, for each statement that no driver prevents a collision."""
-
-
 class DriverVerdict(Model):
-    """Whether one reference driver prevents a collision from one start. Times are in s of the run.
+    """The verdict on one reference driver: whether it prevents a collision from one start. Times are in s of the run.
 
     ``until_s`` is the latest time at which it can take over and still prevent the collision, or null if it cannot.
     ``reacts_at_s`` is when it first brakes or steers if it takes over at the start, or null if it does not react.
@@ -64,7 +58,7 @@ class DriverVerdict(Model):
 
 
 class Prevention(Model):
-    """Whether reference drivers in the ego's place prevent a collision if the others move as before (see docs/runs.md).
+    """The verdicts of reference drivers on a collision: whether they prevent it in the ego's place (see docs/runs.md).
 
     ``drivers`` holds the verdict on each driver from each start, and is empty in runs of older versions. The other
     fields state the verdicts from ``before_contact``. ``by_braking_until_s`` is the latest time at which full braking
@@ -86,46 +80,45 @@ class Prevention(Model):
 
     @property
     def possible(self) -> bool:
-        """Return whether any reference driver prevents it, either from just before the contact or from the start."""
+        """Whether a reference driver prevents the collision, from just before the contact or from the start."""
         by_driver = self.by_careful_driver or self.by_rss or self.by_fuzzy_driver
         return self.by_braking_until_s is not None or by_driver or bool(self._from_start(prevents=True))
 
     @property
     def attributable(self) -> bool:
-        """Return whether UN R157's careful or fuzzy driver prevents it from both starts."""
+        """Whether UN R157's careful or fuzzy driver prevents the collision from both starts."""
         if not self.drivers:
             return self.by_careful_driver or self.by_fuzzy_driver
         return any(self.prevented_by(name, "both") for name in ("r157_careful", "fsm"))
 
     def prevented_by(self, driver: ReferenceDriverName, start: Literal["before_contact", "start", "both"]) -> bool:
-        """Return whether a driver prevents it from a start, or from both."""
+        """Return whether a driver prevents the collision from a start, or from both."""
         starts = ("before_contact", "start") if start == "both" else (start,)
         found = {verdict.start for verdict in self.drivers if verdict.driver == driver and verdict.prevents}
         return found.issuperset(starts)
 
     def in_words(self) -> str:
-        """Return which drivers prevent it from which start, and until when."""
+        """Return which drivers prevent the collision from which start, and until when, as text."""
         until = self.by_steering_until_s
         aside = "" if until is None else f"; swerving as late as {until:.1f} s prevents it"
         if not self.possible:
-            starts = " or from the start" if self.drivers else ""
-            return (
-                f"no reference driver prevents it from just before the contact{starts} ({REFERENCE_DRIVERS_DO}){aside}"
-            )
+            starts = " or at the start" if self.drivers else ""
+            takes_over = f"takes over just before the contact{starts}"
+            return f"no reference driver that {takes_over} prevents it ({REFERENCE_DRIVERS_DO}){aside}"
         prevents = (
             [] if self.by_braking_until_s is None else [f"full braking as late as {self.by_braking_until_s:.1f} s"]
         )
         prevents += [] if until is None else [f"swerving as late as {until:.1f} s"]
         prevents += self._drivers(prevents=True)
         if self.by_braking_until_s is None and not self._drivers(prevents=True):
-            none = f"no reference driver prevents it from just before the contact ({REFERENCE_DRIVERS_DO}){aside}"
-            return f"{none}{self._start_in_words()}"
+            none = "no reference driver that takes over just before the contact prevents it"
+            return f"{none} ({REFERENCE_DRIVERS_DO}){aside}{self._start_in_words()}"
         others = [*self._drivers(prevents=False), *(["swerving"] if self.steering_tried and until is None else [])]
         without = f", not by {_listed(others, 'or')}" if others else ""
         return f"preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"
 
     def _start_in_words(self) -> str:
-        """Return which drivers prevent it from the start; empty for runs of older versions."""
+        """Return which drivers prevent the collision from the start, as text; empty for runs of older versions."""
         if not self.drivers:
             return ""
         yes, no = self._from_start(prevents=True), self._from_start(prevents=False)
@@ -137,7 +130,7 @@ class Prevention(Model):
         return f"; if in control from the start, {_listed(yes, 'and')} {verb} it"
 
     def _from_start(self, *, prevents: bool) -> list[str]:
-        """Return the reference drivers that do or do not prevent it from the start, without steering aside."""
+        """Return the reference drivers that do or do not prevent the collision from the start; steering is left out."""
         drivers = [
             verdict.driver
             for verdict in self.drivers
@@ -145,23 +138,23 @@ class Prevention(Model):
         ]
         names = {name: _DRIVERS_IN_WORDS[name] for name in drivers}
         if {"r157_careful", "fsm"} <= names.keys():
-            names["r157_careful"] = "UN R157's careful and fuzzy drivers"
+            names["r157_careful"] = "UN regulation R157's careful and fuzzy drivers"
             del names["fsm"]
         return list(names.values())
 
     def _drivers(self, *, prevents: bool) -> list[str]:
-        """Return the reference drivers, other than full braking, that do or do not prevent it."""
+        """Return the reference drivers, other than full braking, that do or do not prevent the collision."""
         named = {"careful": self.by_careful_driver, "fuzzy": self.by_fuzzy_driver}
         of_r157 = [name for name, does in named.items() if does == prevents]
-        drivers = [f"UN R157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
-        return [*drivers, *(["RSS"] if self.by_rss == prevents else [])]
+        drivers = [f"UN regulation R157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
+        return [*drivers, *([_DRIVERS_IN_WORDS["rss"]] if self.by_rss == prevents else [])]
 
 
 _DRIVERS_IN_WORDS: dict[ReferenceDriverName, str] = {
     "full_braking": "full braking",
-    "r157_careful": "UN R157's careful driver",
-    "fsm": "UN R157's fuzzy driver",
-    "rss": "RSS",
+    "r157_careful": "UN regulation R157's careful driver",
+    "fsm": "UN regulation R157's fuzzy driver",
+    "rss": "the driver of Responsibility-Sensitive Safety",
     "keep_lane": "keeping lane and speed",
     "evading": "swerving",
 }
@@ -202,7 +195,7 @@ EGOS_OWN: tuple[PaceCode, ...] = ("stood_at_green", "stood_without_cause", "brak
 
 
 class PaceMoment(Model):
-    """A span of a run in which the ego stood, was held up by a slower vehicle, or braked at 2 m/s² or more, and why.
+    """A span of a run in which the ego stood, was held up, or braked at 2 m/s² or more, and the reason.
 
     ``obstacle_id`` is the road user that caused it. ``distance_m`` is the gap to it, or from the ego's front to the
     stop line, at the beginning. ``largest_mps2`` is the hardest braking, as a positive number.
@@ -218,7 +211,7 @@ class PaceMoment(Model):
 
     @property
     def is_the_egos(self) -> bool:
-        """Return whether nothing on the road required it."""
+        """Whether nothing on the road required the ego to stand or brake."""
         return self.code in EGOS_OWN
 
     @property
@@ -260,15 +253,25 @@ class PaceMoment(Model):
         return texts[self.code]
 
 
-LaidTo = Literal["ego", "recording", "prediction", "planning", "neither"]
+CollisionCause = Literal["ego", "recording", "perception", "prediction", "planning", "neither"]
 """What a collision is attributed to.
 
 - ``ego``: something that the ego did earlier without a reason
 - ``recording``: another road user that follows its recording, and would otherwise have braked
+- ``perception``: in an imperfect world, the planner did not get the other road user when it could last have braked
 - ``prediction``: the prediction placed the other road user elsewhere
 - ``planning``: the prediction placed the other road user correctly, and the collision is attributable
 - ``neither``: the collision is not attributable: neither UN R157's careful nor its fuzzy driver prevents it from both
   starts"""
+COLLISION_CAUSES: Mapping[CollisionCause, str] = {
+    "ego": "the ego",
+    "recording": "the recording",
+    "perception": "the perception",
+    "prediction": "the prediction",
+    "planning": "the plan",
+    "neither": "neither side",
+}
+"""Noun phrases for the causes."""
 OwnFault = Literal["slowed", "cut_in", "wrong_side", "red_light", "right_of_way"]
 """How an ego causes a collision that no reference driver on its path prevents.
 
@@ -276,7 +279,7 @@ It stood or braked without a reason, cut in, was on an oncoming lane, ran a red 
 
 
 class EgoFault(Model):
-    """What the ego did that led to a collision, and when; ``moment`` is the stop or braking, if there was one."""
+    """The ego's action that led to a collision, and its time; ``moment`` is the stop or braking, if there was one."""
 
     code: OwnFault = Field(description="stable code of what the ego did")
     time_s: float = Field(description="when it did it")
@@ -296,6 +299,37 @@ class EgoFault(Model):
         return f"{texts[self.code]} at {self.time_s:.1f} s"
 
 
+class Sight(Model):
+    """Since when a planner in an imperfect world had got the road user that it hit, and why it had not got it before.
+
+    ``code``, ``by``, ``by_class``: why it last did not get it, and the road user that hid the largest part of it.
+    ``first_s`` is when it first got it in the run, and ``since_s`` since when it got it without a gap up to the
+    contact. Both are None if it did not.
+    """
+
+    code: SightCode = Field(description="stable code: why the planner did not get it")
+    by: int | None = Field(None, description="the road user that hid it; null without one")
+    by_class: str = ""
+    first_s: float | None = Field(description="when the planner first got it; null if never")
+    since_s: float | None = Field(description="since when it got it up to the contact; null if it did not")
+
+    def in_words(self, other: str, time_s: float) -> str:
+        """Return text such as ``bicycle 3074 was hidden by truck 12 until 1.2 s before; first seen at 4.3 s``."""
+        hider = "other bodies" if self.by is None else f"{self.by_class} {self.by}".strip()
+        texts: dict[SightCode, str] = {
+            "seen": f"{other} was reported",
+            "kept": f"{other} was reported as extrapolated",
+            "out_of_range": f"{other} was out of the sensors' range",
+            "out_of_view": f"{other} was outside the field of view",
+            "occluded": f"{other} was hidden by {hider}",
+            "missed": f"{other} was in view but not detected",
+            "unconfirmed": f"{other} was detected too recently to be reported",
+        }
+        until = "up to the contact" if self.since_s is None else f"until {time_s - self.since_s:.1f} s before"
+        first = "never seen" if self.first_s is None else f"first seen at {self.first_s:.1f} s"
+        return f"{texts[self.code]} {until} ({self.code}); {first}"
+
+
 class Contact(Model):
     """How the collision of a run happened: speeds at its time step, positions at the last step before it.
 
@@ -311,6 +345,7 @@ class Contact(Model):
       present then, or if it is not known whether it was predicted
     - ``laid_to``: the cause; None if that gap or the prevention is needed and not known
     - ``fault``: what the ego did, if the cause is the ego
+    - ``sight``: in an imperfect world, since when the planner had got the other; None if it always did
     """
 
     kind: ContactKind = Field(description="how the two met")
@@ -328,39 +363,47 @@ class Contact(Model):
     also_touched: tuple[int, ...] = ()
     prevention: Prevention | None = None
     predicted_gap_m: float | None = None
-    laid_to: LaidTo | None = None
+    laid_to: CollisionCause | None = None
     fault: EgoFault | None = Field(None, description="what the ego did, if the collision is attributed to it")
+    sight: Sight | None = Field(
+        None, exclude_if=lambda sight: sight is None, description="why and until when the planner did not get the other"
+    )
 
     @property
     def is_unpreventable(self) -> bool:
-        """Return whether no reference driver prevents it and the ego did not cause it."""
+        """Whether no reference driver prevents the collision and the ego did not cause it."""
         return self.prevention is not None and not self.prevention.possible and self.laid_to != "ego"
 
     @property
     def unforeseen(self) -> bool:
-        """Return whether the two would have stayed apart if the other had moved as predicted 1 s earlier."""
+        """Whether the two would have stayed apart if the other had moved as predicted 1 s earlier."""
         return self.predicted_gap_m is not None and self.predicted_gap_m > 0
 
     def in_words(self) -> str:
         """Return who hit whom, from where, when, at which speeds, and whether the ego had braked."""
         if self.other_speed_mps is None:
-            event = "left the road" if self.obstacle_id is None else f"collided with {self._other}"
+            event = "left the road" if self.obstacle_id is None else f"collided with {self.other}"
             return f"{event} at {self.time_s:.1f} s, at {self.ego_speed_mps:.1f} m/s{self._braked}"
-        speeds = f"ego {self.ego_speed_mps:.1f} m/s{self._braked}; {self._other} {self.other_speed_mps:.1f} m/s"
+        speeds = f"ego {self.ego_speed_mps:.1f} m/s{self._braked}; {self.other} {self.other_speed_mps:.1f} m/s"
         also = f"; also touched: {', '.join(map(str, self.also_touched))}" if self.also_touched else ""
         # If the ego caused it by driving along its path as it did, drivers on that path say nothing.
         prevention = self.prevention if self.laid_to != "ego" else None
         judged = "" if prevention is None else f"; {prevention.in_words()}"
         if self.unforeseen:
-            judged += f"; unforeseen: 1 s earlier, the prediction left a gap of {self.predicted_gap_m:.1f} m"
+            judged += (
+                f"; unforeseen: as predicted 1 s earlier, they would have stayed {self.predicted_gap_m:.1f} m apart"
+            )
+        if self.sight is not None:
+            judged += f"; {self.sight.in_words(self.other, self.time_s)}"
         if self.fault is not None:
             judged += f"; attributed to {self.fault.in_words()}"
         elif self.laid_to is not None:
-            judged += f"; attributed to {'the recording' if self.laid_to == 'recording' else self.laid_to}"
+            judged += f"; attributed to {COLLISION_CAUSES[self.laid_to]}"
         return f"{self._what} at {self.time_s:.1f} s ({speeds}){also}{judged}"
 
     @property
-    def _other(self) -> str:
+    def other(self) -> str:
+        """The class and id of the other road user."""
         return f"{self.obstacle_class} {self.obstacle_id}"
 
     @property
@@ -377,7 +420,7 @@ class Contact(Model):
 
     @property
     def _what(self) -> str:
-        other, came = self._other, "" if self.came_in_s is None else f" at {self.came_in_s:.1f} s"
+        other, came = self.other, "" if self.came_in_s is None else f" at {self.came_in_s:.1f} s"
         directions = {"front": "ahead", "rear": "behind", "left": "the left", "right": "the right", None: "nowhere"}
         texts: dict[ContactKind, str] = {
             "rear_end_by_other": f"hit from behind by {other}",
@@ -418,13 +461,13 @@ class Encounter(Model):
 
     @property
     def place(self) -> str:
-        """Position: ``ahead``, ``behind``, ``on the left``, ``oncoming on the right`` or ``standing on the right``."""
+        """The position, such as ``ahead``, ``on the left``, ``oncoming on the right`` or ``standing on the right``."""
         where = {"front": "ahead", "rear": "behind", "left": "on the left", "right": "on the right"}[self.side]
         return where if self.direction == "same" else f"{self.direction} {where}"
 
 
 class LargestMotion(Model):
-    """The largest value of one motion of the ego, and when; braking and jerk are positive numbers."""
+    """The largest value of one quantity of the ego's motion, and its time; braking and jerk are positive numbers."""
 
     name: Literal["acceleration", "braking", "lateral acceleration", "jerk"] = Field(description="the motion")
     value: float = Field(description="its largest value, in `unit`")
@@ -433,7 +476,7 @@ class LargestMotion(Model):
 
 
 class ComfortExcess(Model):
-    """A motion above a comfort limit, averaged over ``window_s`` (0 for a single step), and when that window ends."""
+    """A motion above a comfort limit, averaged over ``window_s`` (0 for a single step), and the end of that window."""
 
     name: Literal["acceleration", "braking", "braking jerk", "lateral acceleration", "lateral jerk"] = Field(
         description="the motion"
@@ -468,12 +511,12 @@ class RunReview(Model):
     pace: tuple[PaceMoment, ...] = Field((), description="where the ego stood, was held up or braked, and why")
 
     def pace_in_words(self) -> str:
-        """Return what the ego did without an external cause; empty if there is nothing of that kind."""
+        """Return a sentence on stops, slow driving and braking without an external cause; empty if there are none."""
         own = [moment.in_words() for moment in self.pace if moment.is_the_egos]
-        return f"Without an external cause, the ego {'; '.join(own)}." if own else ""
+        return f"The ego {'; '.join(own)}." if own else ""
 
     def nearness_in_words(self) -> str:
-        """Return a line on the smallest gap and the shortest time to collision, or why there is no such value."""
+        """Return a line on the smallest gap and the shortest time to collision, or on why there is no such value."""
         if self.closest is None:
             return "Closest: no other road user within 60 m."
         near, urgent = self.closest, self.most_urgent
@@ -513,7 +556,7 @@ class RuleVerdict(Model):
 
     @property
     def violated(self) -> bool:
-        """Return whether the run broke the rule."""
+        """Whether the run broke the rule."""
         return self.first_s is not None
 
     @property
@@ -526,11 +569,11 @@ class RuleVerdict(Model):
         more = [f"from {self.first_s:.1f} s on"] if self.first_s != self.time_s else []
         more += [f"obstacle {self.obstacle_id}"] if self.obstacle_id is not None else []
         details = f" ({', '.join(more)})" if more else ""
-        return f"{self.rule} {self.name} by {measured(self.degree)} {self.unit} at {self.time_s:.1f} s{details}"
+        return f"{self.rule} ({self.name}) by {measured(self.degree)} {self.unit} at {self.time_s:.1f} s{details}"
 
 
 class RunLook(Model):
-    """The stored result of one look at a run's steps and scenario.
+    """The stored review of a run, computed from its steps and its scenario.
 
     ``out_of_reach`` is True if no ego could reach the goal in time. ``trivial`` states why the goal required no
     driving, and is empty if it required some.
@@ -545,7 +588,7 @@ class RunLook(Model):
 
 
 class LooksResponse(Model):
-    """A look at each run, in the order of the request."""
+    """The review of each run, in the order of the request."""
 
     looks: tuple[RunLook, ...]
 

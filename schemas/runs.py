@@ -11,6 +11,7 @@ from .measures import RunMetrics
 from .reviews import Contact, RunLook, RunReview
 from .text import measured
 from .vocabulary import LEAST_FRICTION, MOST_FRICTION
+from .worlds import PERFECT, Perceived, World
 
 Bounded = Annotated[float, Field(ge=-1e12, le=1e12)]
 """A number of a motion, bounded so that no derivative or square overflows.
@@ -111,6 +112,7 @@ class RunSteps(Model):
     - ``steering_rad``: steering angles of a vehicle that followed its plans; empty if the planner's states were used as
       they are
     - ``others``: obstacles that reactive traffic moved instead of their recordings; the rest followed their recordings
+    - ``perceived``: what the planner got of the other road users in an imperfect world; None if the world was perfect
     """
 
     first_step: int
@@ -124,6 +126,7 @@ class RunSteps(Model):
     costs: dict[str, tuple[BoundedCost, ...]]
     rejected: dict[str, tuple[int, ...]] = Field(default_factory=dict)
     others: tuple[DrivenObstacle, ...] = ()
+    perceived: Perceived | None = Field(None, exclude_if=lambda perceived: perceived is None)
 
 
 MOST_DEBUG_VALUES, MOST_DEBUG_POLYGONS, MOST_DEBUG_POINTS = 32, 8, 100
@@ -196,7 +199,7 @@ class LimitExcess(Model):
     def in_words(self) -> str:
         """Return text such as ``steering rate 0.75 rad/s at 2.3 s (limit 0.4)``."""
         if self.name == "rolling":
-            return f"wheels would slide in {100 * self.value:.0f} % of the steps, from {self.time_s:.1f} s on"
+            return f"wheels would slide in {100 * self.value:.0f}% of the steps, from {self.time_s:.1f} s on"
         return f"{self.name} {measured(self.value)} {self.unit} at {self.time_s:.1f} s (limit {measured(self.limit)})"
 
 
@@ -207,7 +210,7 @@ def excesses_in_words(excesses: Sequence[LimitExcess]) -> str:
 
 
 class TriggerOutcome(Model):
-    """Whether the trigger of an edit fired in a run with reactive traffic, and which motion it started.
+    """The outcome of an edit's trigger in reactive traffic: whether it fired, and which motion it started.
 
     ``time_s`` counts from the start of the run and is None if the trigger never fired.
     """
@@ -221,7 +224,7 @@ class TriggerOutcome(Model):
     time_s: float | None = Field(description="start of the motion; null if it never started")
 
     def in_words(self) -> str:
-        """Return when the motion started, with the code and the trigger."""
+        """Return text on when the motion started, with the code and the trigger."""
         motion = f"{self.obstacle_id}'s {_BEGUN[self.begins]}"
         if self.time_s is None:
             return f"{motion} never started because its trigger did not fire ({self.code}): {self.trigger}"
@@ -292,6 +295,11 @@ class RunRecord(Model):
     )
     uses_prediction: bool | None = Field(
         None, description="whether the planner plans on predictions of others; null: not stated"
+    )
+    world: World = Field(
+        PERFECT,
+        exclude_if=lambda world: world.is_perfect,
+        description="what the planner's sensors missed and distorted; absent: nothing",
     )
     imported: bool = Field(
         False,
@@ -391,7 +399,7 @@ class LostCell(Model):
 
 
 class BatchRecord(Model):
-    """A grid of runs: scenarios × configurations with one prediction and traffic mode."""
+    """A grid of runs: scenarios × configurations with one prediction, traffic mode and world."""
 
     batch_id: str
     scenarios: tuple[str, ...]
@@ -400,3 +408,4 @@ class BatchRecord(Model):
     traffic: Traffic
     runs: tuple[str, ...]
     lost: tuple[LostCell, ...]
+    world: World = Field(PERFECT, exclude_if=lambda world: world.is_perfect)

@@ -42,7 +42,7 @@ class CheckedFile(Model):
 
     @property
     def passed(self) -> bool:
-        """Return whether the file could be read and no rule found an error."""
+        """Whether the file could be read and no rule found an error."""
         return not self.unreadable and self.count("error") == 0
 
 
@@ -78,7 +78,7 @@ class ParticipantFacts(Model):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Static and dynamic obstacles together, by type in alphabetical order."""
+        """The number of static and dynamic obstacles together, by type in alphabetical order."""
         kinds = sorted({*self.dynamic, *self.static})
         return {kind: self.dynamic.get(kind, 0) + self.static.get(kind, 0) for kind in kinds}
 
@@ -215,8 +215,7 @@ Detail = Literal["brief", "vehicles", "motion", "lanelets", "checks", "recipe"]
 
 
 class DescribeScenarioArguments(Arguments):
-    """Ego, goal, vehicles (id, class, place, speed, gap), their motion, lanelets and successors,
-    validity, recipe: the basis of edits."""
+    """Ego, goal, vehicles (id, class, place, speed, gap), motion, lanelets, validity, recipe: the basis of edits."""
 
     scenario_id: str = "latest"
     """The scenario."""
@@ -337,7 +336,7 @@ class DescribedMotion(Model):
     driven_m: float = Field(description="distance driven")
 
     def lines(self) -> list[str]:
-        """Return the events, then one line per time."""
+        """Return lines of text: the distance and the events, then one line per moment."""
         did = [f"- {_span_s(event)} s: {event.words}" for event in self.events]
         moments = [
             f"- {one.time_s:g} s: {one.speed_mps:.1f} m/s, {one.acceleration_mps2:+.1f} m/s², "
@@ -486,7 +485,7 @@ class DescribeScenarioResult(Result):
             decided.append(f"The file has {count}, each with its own ego: {problems}.")
         decided += _focus(shown.asked) if shown.asked else []
         motion = shown.asked.motion.lines() if shown.asked is not None and shown.asked.motion is not None else []
-        listed = [*motion, *self._vehicles(), *self._lanelets(), *(f"Check: {check}" for check in shown.checks)]
+        listed = [*motion, *self._vehicles(), *self._lanelets(), *(f"Check {check}" for check in shown.checks)]
         if self.generation is not None and self.detail in ("checks", "recipe"):
             listed += self.generation.lines()
         if self.recipe is not None:
@@ -543,12 +542,12 @@ LANELETS_SHOWN: Mapping[Detail, int] = {
 
 
 def _focus(focus: DescribedFocus) -> list[str]:
-    """Return the focus, its recorded route, and where it can drive."""
+    """Return one line: the focus, its recorded route, and where it can drive."""
     name = f"{focus.name[0].upper()}{focus.name[1:]}{f' ({focus.what})' if focus.what else ''}"
-    seen = f": {_vehicle_in_words(focus.vehicle)}." if focus.vehicle is not None else "."
+    seen = f": {_vehicle_in_words(focus.vehicle, place=', ')}." if focus.vehicle is not None else "."
     recorded = f" Recorded route: {_chain(focus.route)}." if focus.route else ""
-    ways = [(" then ".join(way.turns) or "straight", way) for way in focus.reach]
-    reached = [f"{turns} {way.lanelet_id} ({way.distance_m:.0f} m)" for turns, way in ways]
+    routes = [(" then ".join(route.turns) or "straight", route) for route in focus.reach]
+    reached = [f"{turns} {route.lanelet_id} ({route.distance_m:.0f} m)" for turns, route in routes]
     return [f"{name}{seen}{recorded} Can reach: {', '.join(reached) or 'no other lanelet'}."]
 
 
@@ -559,7 +558,11 @@ _PROBLEMS_SHOWN = 6
 def ego_text(ego: DescribedEgo) -> str:
     """Return a line on the ego's start, its goal and its route there."""
     lanes = f"{ego.lanes} lane{'' if ego.lanes == 1 else 's'} in its direction"
-    lanelets = f"lanelet {', '.join(map(str, ego.lanelets))}" if ego.lanelets else "no lanelet"
+    lanelets = (
+        f"lanelet{'s' * (len(ego.lanelets) > 1)} {' and '.join(map(str, ego.lanelets))}"
+        if ego.lanelets
+        else "no lanelet"
+    )
     route = f" Route: {ego.way}{f', {_chain(ego.route)}' if ego.route else ''}."
     what = "" if ego.vehicle_class == "car" else f"{ego.vehicle}. Starts at "
     return f"Ego: {what}{ego.speed_mps:.1f} m/s on {lanelets}, {lanes}. Goal: {ego.goal}.{route}"
@@ -577,14 +580,15 @@ def _vehicle(vehicle: DescribedVehicle, focus: DescribedFocus | None) -> str:
     return f"- {vehicle.vehicle_id} {_vehicle_in_words(vehicle, away)}"
 
 
-def _vehicle_in_words(vehicle: DescribedVehicle, away: str = "") -> str:
+def _vehicle_in_words(vehicle: DescribedVehicle, away: str = "", place: str = ": ") -> str:
     """Return the type, position relative to the ego, speed, gap and lanelet of a vehicle."""
     gap = f", gap {vehicle.gap_m:.1f} m" if vehicle.gap_m is not None else ""
     lanelet = f", lanelet {vehicle.lanelet}" if vehicle.lanelet is not None else ", on no lanelet"
     when = f", from {vehicle.from_s:g} s" if vehicle.from_s > 0 else ""
-    speed = f"{vehicle.speed_mps:.1f} m/s" if vehicle.moves else "standing"
+    speed = f", {vehicle.speed_mps:.1f} m/s" if vehicle.moves else ", standing"
+    speed = "" if "standing" in vehicle.where else speed
     kind = f"{vehicle.kind} ({vehicle.vehicle_class})" if vehicle.vehicle_class else vehicle.kind
-    return f"{kind}: {away}{vehicle.where}, {speed}{gap}{lanelet}{when}"
+    return f"{kind}{place}{away}{vehicle.where}{speed}{gap}{lanelet}{when}"
 
 
 def _lanelet(lanelet: DescribedLanelet) -> str:
@@ -593,7 +597,7 @@ def _lanelet(lanelet: DescribedLanelet) -> str:
     neighbours += [f"opposite {lanelet.opposite}"] if lanelet.opposite is not None else []
     parts = [f"{lanelet.length_m:.0f} m", *([f"edge {shown_name(lanelet.edge)}"] if lanelet.edge else [])]
     parts += [lanelet.role] if lanelet.role else []
-    parts += [f"leads {', '.join(lanelet.successors)}" if lanelet.successors else "leads nowhere"]
+    parts += [f"leads to {', '.join(lanelet.successors)}" if lanelet.successors else "no successor"]
     parts += [f"neighbours {', '.join(neighbours)}"] if neighbours else []
     parts += [f"limit {lanelet.limit_kmh:g} km/h"] if lanelet.limit_kmh else []
     parts += [f"vehicles {', '.join(map(str, lanelet.vehicles))}"] if lanelet.vehicles else []

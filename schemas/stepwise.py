@@ -23,7 +23,7 @@ _Step = Annotated[int, Field(ge=0)]
 
 
 class Line(Model):
-    """A line or the outline of an area, with equally many x and y."""
+    """A line or the outline of an area, as x and y in m, one entry each per point."""
 
     x_m: tuple[float, ...]
     y_m: tuple[float, ...]

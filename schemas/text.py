@@ -139,6 +139,28 @@ def without_shared_clauses(sentences: Sequence[str]) -> tuple[list[str], list[st
     return ["; ".join([part[0], *(clause for clause in part[1:] if clause not in shared)]) for part in parts], shared
 
 
+REFERENCE_DRIVERS_DO = (
+    "full braking at once; or UN regulation R157's careful and fuzzy drivers or Responsibility-Sensitive Safety, which "
+    "keep the ego's speed until they see a danger"
+)
+"""The drivers of a verdict and what they do, for each statement that no driver prevents a collision."""
+RISK_SCALE = "0 = collision, 5 = negligible"
+_LATER_EXPLANATION = re.compile(rf" \((?:{re.escape(REFERENCE_DRIVERS_DO)}|{re.escape(RISK_SCALE)})[^()]*\)")
+
+
+def stated_once(text: str) -> str:
+    """Return the text of an answer in which each of these explanations in brackets appears only the first time."""
+    found: set[str] = set()
+
+    def kept(match: re.Match[str]) -> str:
+        explanation = next(one for one in (REFERENCE_DRIVERS_DO, RISK_SCALE) if one in match[0])
+        is_new = explanation not in found
+        found.add(explanation)
+        return match[0] if is_new else ""
+
+    return _LATER_EXPLANATION.sub(kept, text)
+
+
 def is_utf8(text: str) -> bool:
     """Return whether a text can be encoded as UTF-8. Linux allows file names that cannot, but answers do not."""
     try:
@@ -174,7 +196,7 @@ _SMALLEST_P = 1e-12
 
 
 def figure(value: float | None, digits: int = 3) -> str:
-    """Return a number to ``digits`` significant digits; larger ones as integers, 0 below 1e-9, and a dash for None."""
+    """Return a number to ``digits`` significant digits; a large number as an integer, 0 below 1e-9, a dash for None."""
     if value is None:
         return "–"
     if abs(value) < _ROUNDING:

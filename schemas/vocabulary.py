@@ -102,7 +102,7 @@ MANOEUVRES: Final[tuple[str, ...]] = (
 """Features that describe another road user's manoeuvre; ``cut_in:truck`` adds its type."""
 CIRCUMSTANCES: Final[dict[str, str]] = {
     "night": "the time is between 22 and 6, or the file calls it night",
-    "rush_hour": "the time is in an hour with 7 % of a working day's cars or more: 7 to 8, 16 to 19",
+    "rush_hour": "the time is in an hour with 7% of a working day's cars or more: 7 to 8, 16 to 19",
     "light_rain": "the file's weather",
     "heavy_rain": "the file's weather",
     "fog": "the file's weather",

@@ -220,11 +220,11 @@ def main() -> None:
     """Print every place that breaks a rule, and exit with 1 if there is one."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("patterns", nargs="*", help="files to check instead of those of the settings")
-    asked = parser.parse_args().patterns
+    patterns = parser.parse_args().patterns
     rules = read_rules()
-    if asked:
-        pages = tuple(pattern for pattern in asked if pattern.endswith(".md"))
-        code = tuple(pattern for pattern in asked if pattern.endswith(".py"))
+    if patterns:
+        pages = tuple(pattern for pattern in patterns if pattern.endswith(".md"))
+        code = tuple(pattern for pattern in patterns if pattern.endswith(".py"))
         rules = Rules(pages, code, rules.without, rules.longest_sentence, rules.allowed, rules.recorded_after)
     faults = faults_of(checked_texts(rules), rules)
     for fault in faults:

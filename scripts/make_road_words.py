@@ -103,8 +103,8 @@ def addresses_of(folder: Path, part: str) -> dict[str, Counter[str]]:
     """Return the number of languages per spelling, by entry of a section of the address files."""
     found: dict[str, Counter[str]] = defaultdict(Counter)
     for path in sorted(folder.glob("*.yaml")):
-        told: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8")).get(part) or {}
-        for entry, value in told.items():
+        content: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8")).get(part) or {}
+        for entry, value in content.items():
             if isinstance(value, dict) and "canonical" in value:
                 found[entry].update({value["canonical"], value.get("abbreviated", value["canonical"])})
     return found
@@ -130,8 +130,8 @@ def directions_of(folder: Path) -> dict[str, list[str]]:
 
 def crossings_of(folder: Path, entries: tuple[str, ...]) -> list[str]:
     """Return the spellings of some entries on crossings, sorted."""
-    told = addresses_of(folder, "cross_streets")
-    return sorted({word for entry in entries for word in told[entry] if any(map(str.isalpha, word))} - {_MEANS_AT})
+    content = addresses_of(folder, "cross_streets")
+    return sorted({word for entry in entries for word in content[entry] if any(map(str.isalpha, word))} - {_MEANS_AT})
 
 
 def main(checkout: Path) -> None:

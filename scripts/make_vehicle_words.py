@@ -81,7 +81,7 @@ def words_of_wordnet(folder: Path) -> dict[str, str]:
         narrower = [pointers[i + 1] for i, mark in enumerate(pointers) if mark in ("~", "~i")]
         synsets[fields[0]] = [word.lower() for word in fields[4 : 4 + 2 * count : 2]], narrower
     first = dict(_first_senses(folder))
-    meant: dict[str, set[str]] = defaultdict(set)
+    classes: dict[str, set[str]] = defaultdict(set)
     heads = {_head(words.split(), synsets): name for name, several in SYNSETS.items() for words in several}
     chosen = {word: name for name, several in SYNSETS.items() for words in several for word in words.split()}
     for head, name in heads.items():
@@ -90,10 +90,10 @@ def words_of_wordnet(folder: Path) -> dict[str, str]:
             lemmas, narrower = synsets[(synonyms := waiting.pop())]
             for lemma in lemmas:
                 if first.get(lemma) == synonyms and lemma not in chosen:
-                    meant[lemma].add(name)
+                    classes[lemma].add(name)
             waiting += [offset for offset in narrower if offset in synsets and offset not in heads]
-    told = chosen | {word: next(iter(names)) for word, names in meant.items() if len(names) == 1}
-    return {plain_word(word): name for word, name in told.items()}
+    found = chosen | {word: next(iter(names)) for word, names in classes.items() if len(names) == 1}
+    return {plain_word(word): name for word, name in found.items()}
 
 
 def _first_senses(folder: Path) -> Iterator[tuple[str, str]]:
@@ -122,9 +122,9 @@ def words_of_cldr(folder: Path, languages: str) -> tuple[dict[str, str], dict[st
     """Return the classes of picture names, and of keywords, in the languages that match a pattern of codes."""
     names: dict[str, Counter[str]] = defaultdict(Counter)
     keywords: dict[str, Counter[str]] = defaultdict(Counter)
-    told = [dict(_pictures(path)) for path in sorted(folder.glob(f"{languages}/annotations.json"))]
-    trucks = {word for pictures in told for word in _for_both_trucks(pictures)}
-    for pictures in told:
+    tables = [dict(_pictures(path)) for path in sorted(folder.glob(f"{languages}/annotations.json"))]
+    trucks = {word for pictures in tables for word in _for_both_trucks(pictures)}
+    for pictures in tables:
         used: dict[str, dict[str, str]] = defaultdict(dict)
         has_both = bool(_for_both_trucks(pictures))
         for picture, (named, described) in pictures.items():
@@ -135,7 +135,7 @@ def words_of_cldr(folder: Path, languages: str) -> tuple[dict[str, str], dict[st
         for word, classes in used.items():
             if len(set(classes.values())) == 1 and any(set(kind) <= set(classes) for kind in _KINDS):
                 keywords[word].update(set(classes.values()))
-    return _most_say(names), _most_say(keywords)
+    return _majority(names), _majority(keywords)
 
 
 def _for_both_trucks(pictures: Mapping[str, tuple[set[str], set[str]]]) -> set[str]:
@@ -145,8 +145,8 @@ def _for_both_trucks(pictures: Mapping[str, tuple[set[str], set[str]]]) -> set[s
 
 
 def _pictures(path: Path) -> Iterator[tuple[str, tuple[set[str], set[str]]]]:
-    told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["annotations"].get("annotations", {})
-    for picture, words in told.items():
+    annotations: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["annotations"].get("annotations", {})
+    for picture, words in annotations.items():
         named, described = (_plain(words.get(key, ())) for key in ("tts", "default"))
         yield picture.removesuffix("\ufe0f"), (named, named | described)
 
@@ -172,13 +172,13 @@ def words_of_wikdict(folder: Path, annotations: Path, english: Mapping[str, str]
     languages = {
         language: two_letters(language) for language, _ in dictionaries.meanings.keys() | dictionaries.translated
     }
-    told = {
+    found = {
         language: words_of_cldr(annotations, code)
         for language, code in languages.items()
         if code not in ("", "en") and (annotations / code).is_dir()
     }
-    cldr = {language: keywords | named for language, (named, keywords) in told.items()}
-    names = {language: named for language, (named, _) in told.items()}
+    cldr = {language: keywords | named for language, (named, keywords) in found.items()}
+    names = {language: named for language, (named, _) in found.items()}
     synonyms = {
         plain_word(word): name for name, several in SYNSETS.items() for words in several for word in words.split()
     }
@@ -188,24 +188,26 @@ def words_of_wikdict(folder: Path, annotations: Path, english: Mapping[str, str]
     ).values():
         for word, name in words.items():
             votes[word][name] += 1
-    return _most_say(votes)
+    return _majority(votes)
 
 
-def _most_say(votes: Mapping[str, Counter[str]]) -> dict[str, str]:
-    return {word: said for word, classes in votes.items() if (said := most(classes)) is not None}
+def _majority(votes: Mapping[str, Counter[str]]) -> dict[str, str]:
+    return {word: winner for word, classes in votes.items() if (winner := most(classes)) is not None}
 
 
 def main() -> None:
     """Write the table."""
     annotations, wordnet, dictionaries = map(Path, sys.argv[1:4])
     named, keywords = words_of_cldr(annotations, "*")
-    english = set().union(*words_of_cldr(annotations, "en"), meant := words_of_wordnet(wordnet))
+    english = set().union(*words_of_cldr(annotations, "en"), named_classes := words_of_wordnet(wordnet))
     others = set(english_words(wordnet)) - english
-    translated = words_of_wikdict(dictionaries, annotations, meant)
-    meant = {word: class_ for word, class_ in (keywords | named | translated | meant).items() if word not in others}
-    meant = {word: class_ for word, class_ in meant.items() if not word.isnumeric()}
+    translated = words_of_wikdict(dictionaries, annotations, named_classes)
+    named_classes = {
+        word: class_ for word, class_ in (keywords | named | translated | named_classes).items() if word not in others
+    }
+    named_classes = {word: class_ for word, class_ in named_classes.items() if not word.isnumeric()}
     words: dict[str, list[str]] = defaultdict(list)
-    for word, class_ in sorted(meant.items()):
+    for word, class_ in sorted(named_classes.items()):
         words[class_].append(word)
     version = json.loads((annotations.parent / "package.json").read_text(encoding="utf-8"))["version"]
     table = {"source": f"CLDR {version} (annotations), WordNet 3, WikDict", "words": dict(sorted(words.items()))}

@@ -134,20 +134,20 @@ def script(request: Mapping[str, Any]) -> Reply:
     """Return the model's message for the stage that the user's text starts."""
     messages = request["messages"]
     last = max(number for number, message in enumerate(messages) if message["role"] == "user")
-    said, _, state = messages[last]["content"].partition("\n\n")
+    typed, _, state = messages[last]["content"].partition("\n\n")
     answers = [message["content"] for message in messages[last:] if message["role"] == "tool"]
-    return STAGES[said](answers, state)
+    return STAGES[typed](answers, state)
 
 
 def record() -> str:
     """Return the session as the terminal shows it."""
-    said = [line for text in STAGES for line in (text, *(["/state"] if text.startswith("Which") else []))]
+    lines = [line for text in STAGES for line in (text, *(["/state"] if text.startswith("Which") else []))]
     with serving("ollama", script) as server, tempfile.TemporaryDirectory() as folder:
         program = "from plannerforge.cli.main import main; main()"
         flags = ["--model", "ollama:big:70b", "--host", server.url, "--workspace", folder]
         done = subprocess.run(
             [sys.executable, "-c", program, "chat", *flags],
-            input="\n".join([*said, "/quit", ""]),
+            input="\n".join([*lines, "/quit", ""]),
             capture_output=True,
             text=True,
             check=True,

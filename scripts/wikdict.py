@@ -88,9 +88,11 @@ class Dictionaries:
             classes = ({known[target][one] for one in each if one in known[target]} for each in several[:MEANINGS])
             votes.update(next(([*one] for one in classes if len(one) == 1), []))
         for source, heads in translated.items():
-            told = Counter(known[source][head] for head, number in heads if number < MEANINGS and head in known[source])
-            first = most(told)
-            if first is not None and told[first] >= LEAST_KNOWN * len(heads):
+            counts = Counter(
+                known[source][head] for head, number in heads if number < MEANINGS and head in known[source]
+            )
+            first = most(counts)
+            if first is not None and counts[first] >= LEAST_KNOWN * len(heads):
                 votes[first] += 1
         return votes, len(meanings) + len(translated)
 
@@ -116,18 +118,22 @@ def words_of_dictionaries(
     known: dict[str, Mapping[str, str]] = defaultdict(dict, first | {ENGLISH: dict(english)})
     found: dict[str, dict[str, str]] = {language: {} for language in first}
     while True:
-        told: dict[str, dict[str, str]] = {language: {} for language in first}
-        asked = {(language, word) for language, words in first.items() for word in words}
-        for language, word in sorted(asked.union(dictionaries.neighbours(known))):
+        translations: dict[str, dict[str, str]] = {language: {} for language in first}
+        requested = {(language, word) for language, words in first.items() for word in words}
+        for language, word in sorted(requested.union(dictionaries.neighbours(known))):
             if language in first:
                 votes, having = dictionaries.says((language, word), known)
                 votes.update([first[language][word]] if word in first[language] else [])
-                said = most(votes)
-                if said is not None and votes[said] >= LEAST_DICTIONARIES and votes[said] > SHARE_TO_EXCEED * having:
-                    told[language][word] = said
-        if sum(map(len, told.values())) <= sum(map(len, found.values())):
+                winner = most(votes)
+                if (
+                    winner is not None
+                    and votes[winner] >= LEAST_DICTIONARIES
+                    and votes[winner] > SHARE_TO_EXCEED * having
+                ):
+                    translations[language][word] = winner
+        if sum(map(len, translations.values())) <= sum(map(len, found.values())):
             return found
-        found = told
+        found = translations
         known |= {language: {**names[language], **words} for language, words in found.items()}
 
 

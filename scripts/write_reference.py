@@ -211,14 +211,14 @@ def meanings_of(model: type[BaseModel]) -> dict[str, str]:
     The sources are the field's description, the model's docstring (``name``: meaning, or a sentence that names the
     field) and the fields of all answers.
     """
-    said = _said_of_fields(_doc(model))
+    described = _field_descriptions(_doc(model))
     return {
-        name: _with_unit(name, field.description or said.get(name) or COMMON_FIELDS.get(name, ""))
+        name: _with_unit(name, field.description or described.get(name) or COMMON_FIELDS.get(name, ""))
         for name, field in model.model_fields.items()
     }
 
 
-def _said_of_fields(doc: str) -> dict[str, str]:
+def _field_descriptions(doc: str) -> dict[str, str]:
     """Return what a docstring says of each field that it names.
 
     A definition counts first ("``gap_m``: meaning"), then a sentence that begins with the name ("``judged`` counts the
@@ -388,8 +388,8 @@ _DEFAULT = re.compile(r"\s*\[default: ([^\]]*)\]")
 
 
 def _shown(part: Any) -> str:
-    told = _DEFAULT.search(part.help or "")
-    value = told[1] if told else part.default
+    default = _DEFAULT.search(part.help or "")
+    value = default[1] if default else part.default
     return "" if value in (None, False, (), "") or callable(value) or "UNSET" in str(value) else f"`{value}`"
 
 

@@ -260,8 +260,8 @@ class PlannerForgeServer(MCPServer[Services]):
                     raise
                 finally:
                     duration_s = time.perf_counter() - clock
-                    for tell in self._on_end:
-                        tell(EndedCall(names, outcome, duration_s))
+                    for notify in self._on_end:
+                        notify(EndedCall(names, outcome, duration_s))
         if self._journal is not None:
             self._journal.add(
                 time=started.isoformat(timespec="milliseconds"),
@@ -320,9 +320,9 @@ class PlannerForgeServer(MCPServer[Services]):
         call = ToolCall(context.request_context.lifespan_context, PacedProgress(context).send)
 
         async def read() -> GetPromptResult:
-            from ..workflows.maps import maps_seen  # not needed before the first answers
+            from ..workflows.maps import inventory_of_read_maps  # not needed before the first answers
 
-            places = tuple(entry.facts.place for entry in maps_seen(call).entries)
+            places = tuple(entry.facts.place for entry in inventory_of_read_maps(call).entries)
             return prompt_text(name, arguments or {}, workspace_facts(call.workspace, places))
 
         try:
@@ -332,7 +332,7 @@ class PlannerForgeServer(MCPServer[Services]):
 
 
 def _page(entries: list[_Entry], request: PaginatedRequestParams) -> tuple[list[_Entry], str | None]:
-    """Return the requested page of a list, and the cursor of the next one.
+    """Return the requested page of a list, and the cursor of the next page.
 
     Raises:
         MCPError: the cursor is invalid (-32602).

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import anyio
 
-from ..engine.execution import CallThreads, HeapsGivenBack, WorkerPool
+from ..engine.execution import CallThreads, MemoryTrimmer, WorkerPool
 from ..engine.workspace import Workspace
 from ..schemas.catalog import BuildIndexRequest
-from ..schemas.errors import PlannerForgeError, as_told
+from ..schemas.errors import PlannerForgeError, error_to_report
 from ..tools.registry import TOOLS, ToolSpec, only_reading
 from ..workflows.context import INDEX_FOLDER, Services
 from ..workflows.services import open_services as open_workflow_services
@@ -34,13 +34,13 @@ _WARM_UP_DELAY_S = 1.0
 
 
 def create_server(
-    settings: Settings, start_folder: Path | None = None, *, beside: tuple[ToolSpec, ...] = ()
+    settings: Settings, start_folder: Path | None = None, *, extra_tools: tuple[ToolSpec, ...] = ()
 ) -> PlannerForgeServer:
     """Return a server for these settings; its services start with its first connection and end with it.
 
     Args:
         start_folder: the base of relative paths; default: the working folder.
-        beside: additional tools.
+        extra_tools: additional tools.
     """
     log_to_stderr(settings.log_level, settings.log_format, settings.journal_redact)
     workspace_root = settings.workspace.expanduser().resolve()
@@ -65,11 +65,11 @@ def create_server(
                     for end in ends:
                         tasks.start_soon(_ended, end)
 
-    heaps = HeapsGivenBack()
+    heaps = MemoryTrimmer()
     on_end: list[OnEnd] = [log_call, lambda _: heaps.after_work()]
     if telemetry is not None:
         on_end.append(telemetry.call_ended)
-    tools, most_calls = (*offered_tools(settings), *beside), calls_within(settings.server_memory_mb)
+    tools, most_calls = (*offered_tools(settings), *extra_tools), calls_within(settings.server_memory_mb)
     return PlannerForgeServer(tools, services, threads, journal, on_end, most_calls)
 
 
@@ -82,7 +82,7 @@ def calls_within(memory_mb: int) -> int:
 
 
 async def _ended(end: Callable[[], None]) -> None:
-    """End a part of the server in a thread, or here if no thread can be started."""
+    """Shut down a part of the server in a thread, or in the current thread if no thread can be started."""
     try:
         await anyio.to_thread.run_sync(end)
     except RuntimeError:
@@ -129,7 +129,7 @@ async def _warmed_up(workers: WorkerPool, workspace: Workspace, threads: CallThr
     try:
         await warm_up(workers, workspace, threads, model)
     except Exception as raised:  # noqa: BLE001 - no call depends on this, and the server works without it
-        logger.warning("the warm-up failed: %s", as_told(raised, "warm-up").text)
+        logger.warning("the warm-up failed: %s", error_to_report(raised, "warm-up").text)
 
 
 async def warm_up(

@@ -32,7 +32,7 @@ class ClientIdentity:
     """The client of a request.
 
     Args:
-        key: distinguishes the client from others on the same server; empty if it is the only client.
+        key: distinguishes the client from other clients of the same server; empty if it is the only client.
         name: its own name, and the name of its token.
         reads_only: whether it may use only tools that create nothing.
         owner: the owner of its token; empty if tokens are not required.
@@ -68,7 +68,10 @@ def principal_of(scope: Scope) -> str:
 
 
 def may_write(scope: Scope) -> bool:
-    """Return whether the sender of a request may create something: its token allows it, or tokens are not required."""
+    """Return whether the sender of a request may create something.
+
+    Senders may if their token allows it, or if tokens are not required.
+    """
     user = scope.get("user")
     return not isinstance(user, AuthenticatedUser) or WRITE_SCOPE in user.scopes
 

@@ -34,7 +34,10 @@ class _Seen:
 
 
 class WorkspaceNews:
-    """Notifies subscribers of changes; ``subscriptions/listen`` since 2026-07-28, ``resources/subscribe`` before."""
+    """Notifies subscribers of changes.
+
+    Clients subscribe with ``subscriptions/listen`` since protocol 2026-07-28, and ``resources/subscribe`` before that.
+    """
 
     def __init__(self) -> None:
         self._bus = InMemorySubscriptionBus()

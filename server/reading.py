@@ -127,8 +127,8 @@ class ResourceReading:
 
         async def look() -> ListResourcesResult:
             by_tools = [
-                Resource(uri=SCHEME + name, name=name, title=title, description=told, mime_type=_JSON)
-                for name, (_, _, title, told) in _BY_TOOLS.items()
+                Resource(uri=SCHEME + name, name=name, title=title, description=description, mime_type=_JSON)
+                for name, (_, _, title, description) in _BY_TOOLS.items()
             ]
             entries = [*by_tools, *listed_resources(workspace), *map(self._schema_link, self._tools)]
             page, following = page_of(entries, request.cursor, PAGE)
@@ -162,7 +162,7 @@ class ResourceReading:
     async def _complete(
         self, context: ServerRequestContext[Services], request: CompleteRequestParams
     ) -> CompleteResult:
-        """Return values of an argument of a prompt or a resource template that begin with the typed text."""
+        """Return the values of a prompt's or a resource template's argument that begin with the typed text."""
         reference, argument = request.ref, request.argument
         given = (request.context.arguments if request.context is not None else None) or {}
         workspace = context.lifespan_context.workspace
@@ -212,7 +212,7 @@ class ResourceReading:
         """Run a query of the workspace in its own thread.
 
         Raises:
-            MCPError: with the text of the refusal (-32602).
+            MCPError: the query was refused; the error has the text of the refusal (-32602).
         """
         try:
             return await self._threads.run(look)
@@ -221,7 +221,7 @@ class ResourceReading:
 
 
 def page_of(entries: list[_Found], cursor: str | None, size: int) -> tuple[list[_Found], str | None]:
-    """Return one page of a list, and the cursor of the next one; None after the last.
+    """Return one page of a list, and the cursor of the next page; None after the last page.
 
     Raises:
         InvalidRequest: the cursor is not from this list.

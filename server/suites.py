@@ -12,6 +12,7 @@ from ..schemas.errors import InvalidRequest
 from ..schemas.generation import GenerateScenariosArguments
 from ..schemas.planning import ConfigurePlannerArguments
 from ..schemas.text import one_line, quoted
+from ..schemas.worlds import world_of
 from ..workflows.analysis.suite import limits_of
 from .arguments.checking import read_arguments
 
@@ -40,12 +41,15 @@ def read_suite(path: Path) -> Suite:
     configurations = [
         _configuration(entry, f"{name}, configuration {i}") for i, entry in enumerate(written.configurations, 1)
     ]
+    with _at(f"{name}, world"):
+        world = world_of(written.world)
     suite = Suite(
         name=written.name,
         scenarios=tuple(scenarios),
         configurations=tuple(configurations),
         prediction=written.prediction,
         traffic=written.traffic,
+        world=world,
         seed=written.seed,
         limits=written.limits,
     )

@@ -34,7 +34,7 @@ from pydantic import Field, ValidationError
 from starlette.requests import Request
 
 from ..engine.execution import CallThreads, Job, Task, TaskStore
-from ..schemas.errors import PlannerForgeError, ResourceFailure, UnknownName, as_told
+from ..schemas.errors import PlannerForgeError, ResourceFailure, UnknownName, error_to_report
 from ..tools.call import ToolCall
 from ..tools.registry import ToolSpec
 from ..workflows.context import Question, Services
@@ -67,7 +67,7 @@ class TaskAnswers(TaskParameters):
 
 
 class Caller(Protocol):
-    """Runs calls: the server."""
+    """The server, which runs calls."""
 
     def spec_for(self, client: ClientIdentity, name: str) -> ToolSpec | None:
         """Return the tool of this name, if the client may use it."""
@@ -88,7 +88,7 @@ class Caller(Protocol):
 
 @dataclass
 class _Work:
-    """A call that runs separately: its means of stopping, and its result."""
+    """A call that runs separately: the means to stop it, and its result."""
 
     spec: ToolSpec
     arguments: Mapping[str, Any]
@@ -175,7 +175,7 @@ class Tasks(Extension):
         self._background.start_soon(self._carry_out, work, link)
 
     async def _carry_out(self, work: _Work, link: "_Link") -> None:
-        """Run the call and record its end, or leave it to the next server if this one stops."""
+        """Run the call and record its end, or leave it to the next server if this server stops."""
         try:
             async with anyio.create_task_group() as tasks:
                 tasks.start_soon(self._watch, work)
@@ -187,8 +187,8 @@ class Tasks(Extension):
                     except InputNeeded as needed:
                         work.needed = needed
                     except Exception as raised:  # noqa: BLE001 - the boundary of a task: it becomes the task's error
-                        told = as_told(raised, work.spec.name).text
-                        work.error = raised if isinstance(raised, MCPError) else MCPError(INTERNAL_ERROR, told)
+                        reason = error_to_report(raised, work.spec.name).text
+                        work.error = raised if isinstance(raised, MCPError) else MCPError(INTERNAL_ERROR, reason)
                 tasks.cancel_scope.cancel()
         finally:
             work.ended.set()
@@ -379,8 +379,8 @@ def _write_end(work: _Work) -> None:
         return
     task_id, store = work.task.task_id, work.store
     if work.result is not None:
-        said = work.result.model_dump(by_alias=True, mode="json", exclude_none=True)
-        store.end(task_id, "completed", {"resultType": "complete", **said})
+        result = work.result.model_dump(by_alias=True, mode="json", exclude_none=True)
+        store.end(task_id, "completed", {"resultType": "complete", **result})
     elif work.error is not None:
         error = work.error.error.model_dump(by_alias=True, mode="json", exclude_none=True)
         store.end(task_id, "failed", error, work.error.error.message)

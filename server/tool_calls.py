@@ -13,7 +13,7 @@ from mcp.types import CallToolResult, ContentBlock, ImageContent, Resource, Reso
 from ..resources.apps import VIEW_KEY, view_uri
 from ..resources.templates import artifact_link, job_link
 from ..schemas.base import Result
-from ..schemas.errors import NextCall, NotPossible, PlannerForgeError, UnexpectedFailure, as_told
+from ..schemas.errors import NextCall, NotPossible, PlannerForgeError, UnexpectedFailure, error_to_report
 from ..schemas.text import printable, printable_parts
 from ..tools.call import ImageAnswer, ToolCall
 from ..tools.registry import ToolSpec
@@ -67,7 +67,7 @@ async def answer(
     except (InputNeeded, MCPError):
         raise
     except Exception as raised:  # noqa: BLE001 - the boundary of a call: it becomes the error of this one call
-        error = as_told(raised, spec.name)
+        error = error_to_report(raised, spec.name)
         if isinstance(error, UnexpectedFailure):
             logger.error("incident %s:\n%s", error.incident, error.details)  # noqa: TRY400 - it holds the traceback
         return refusal(error, await proposed_call(error, spec, given, call, offered))
@@ -85,7 +85,7 @@ def answer_text(result: CallToolResult) -> str:
 
 
 def linked_by(call: ToolCall) -> list[ResourceLink]:
-    """Return links to what a call created, the last ones if there are many; with type, title and size."""
+    """Return links to what a call created, only the last links if there are many; with type, title and size."""
     if not call.services.links:
         return []
     links: list[ResourceLink] = []
@@ -106,16 +106,16 @@ def _as_link(resource: Resource) -> ResourceLink:
 
 def _shaped(result: Result | ImageAnswer, call: ToolCall) -> CallToolResult:
     """Return the answer as content blocks and structured content, each complete; remarks come last."""
-    said = result.text if isinstance(result, ImageAnswer) else result.to_text()
-    remarks = [*call.remarks, *_imported_in(said, call)]
+    content_text = result.text if isinstance(result, ImageAnswer) else result.to_text()
+    remarks = [*call.remarks, *_imported_in(content_text, call)]
     if isinstance(result, ImageAnswer):
         shown, left_out = _shown_images(result, min(call.most_image_bytes, MOST_IMAGE_BYTES))
         notes = [f"Note: too large for this answer; open their links: {left_out}"] if left_out else []
-        text = _bounded(printable("\n".join([said, *notes, *remarks])))
+        text = _bounded(printable("\n".join([content_text, *notes, *remarks])))
         blocks: list[ContentBlock] = [TextContent(type="text", text=text), *shown]
         links = map(_as_link, result.links if call.services.links else ())
         return CallToolResult(content=[*blocks, *links])
-    text = _bounded(printable("\n".join([said, *remarks])))
+    text = _bounded(printable("\n".join([content_text, *remarks])))
     structured, written = result.model_dump(mode="json"), _bounded(result.model_dump_json())
     if _ESCAPE.search(written) or not written.isprintable():  # one check of all texts saves one of each
         structured = printable_parts(structured)
@@ -168,7 +168,7 @@ def _bounded(text: str) -> str:
 
 
 def _shown_images(result: ImageAnswer, most_bytes: int) -> tuple[list[ImageContent], int]:
-    """Return the first pictures that fit into an answer, and the number of the remaining ones."""
+    """Return the first pictures that fit into an answer, and the number of the remaining pictures."""
     shown: list[ImageContent] = []
     size = 0
     for image in result.images:

@@ -25,7 +25,7 @@ _LENGTHS = ("minItems", "maxItems")
 def described_tool(spec: ToolSpec) -> Tool:
     """Return the tool with its description, schemas and annotations, without importing its models.
 
-    A tool without a file, because it is being developed, is described from its models.
+    The description is built from the models if the tool, still in development, has no description file.
     """
     file = files("plannerforge.server").joinpath("descriptions", f"{spec.name}.json")
     if not file.is_file():

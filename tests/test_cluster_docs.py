@@ -29,13 +29,13 @@ def shown_commands() -> list[list[str]]:
 
 
 @pytest.mark.parametrize("words", shown_commands(), ids=" ".join)
-def test_a_shown_command_is_one_that_dask_takes(words: list[str]) -> None:
+def test_every_shown_command_is_accepted_by_dask(words: list[str]) -> None:
     command = COMMANDS[words[1]]
     assert isinstance(command, click.Command)
     command.make_context(words[1], words[2:], resilient_parsing=False)
 
 
-def test_the_setting_is_one_of_the_server() -> None:
+def test_the_setting_exists_in_the_server() -> None:
     page = (DOCS / "cluster.md").read_text(encoding="utf-8")
     variables = set(re.findall(r"PLANNERFORGE_([A-Z]+)=", page))
     assert variables == {"CLUSTER"}
@@ -50,7 +50,7 @@ def test_the_slurm_script_is_python_and_names_the_scheduler_file() -> None:
     assert {"cores", "memory", "walltime", "scheduler_options"} <= {keyword.arg for keyword in call.keywords}
 
 
-def test_the_settings_of_workers_are_those_that_the_bench_starts_them_with() -> None:
+def test_workers_settings_match_those_of_the_bench() -> None:
     shown = (DOCS / "cluster.md").read_text(encoding="utf-8")
     assert {line for line in shown.splitlines() if line.startswith("DASK_")} == {
         f"{name}={value}" for name, value in UNOBSERVED.items()

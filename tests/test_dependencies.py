@@ -83,13 +83,13 @@ def imported_distributions(folders: tuple[str, ...] = LAYERS) -> set[str]:
     return {COMES_WITH.get(name, name) for name in found}
 
 
-def test_everything_imported_is_asked_for() -> None:
+def test_every_imported_package_is_declared() -> None:
     assert imported_distributions() - asked_for(with_extras=True) == set()
 
 
-def test_everything_asked_for_is_imported() -> None:
+def test_every_declared_package_is_imported() -> None:
     assert asked_for() - imported_distributions() == set(ASKED_FOR_UNIMPORTED)
 
 
-def test_everything_that_benchmarks_import_is_asked_for_by_developers() -> None:
+def test_every_package_of_the_benchmarks_is_declared_for_developers() -> None:
     assert imported_distributions(("benchmarks",)) - asked_for(with_extras=True, for_developers=True) == set()

@@ -3,6 +3,7 @@
 import ast
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from support.tree import LAYERS
@@ -15,6 +16,7 @@ from plannerforge.engine.traffic import published_calibrations
 from plannerforge.schemas.errors import error_classes
 from plannerforge.schemas.modification import EDITS
 from plannerforge.schemas.vocabulary import CIRCUMSTANCES, MEASURES
+from plannerforge.schemas.worlds import PRESETS, SightCode, World, bounds_of
 from plannerforge.server.settings import Settings
 from plannerforge.tools.registry import TOOLS
 
@@ -37,11 +39,27 @@ def names_in(page: str) -> set[str]:
         ("docs/edits.md", [*EDITS, *presets(), *PARAMETERS]),
         ("docs/demand.md", list(published_calibrations())),
         ("docs/selection.md", [*MEASURES, *CIRCUMSTANCES]),
+        ("docs/worlds.md", [*World.model_fields, *PRESETS, *get_args(SightCode)]),
     ],
-    ids=["tools", "settings", "errors", "agent", "rules", "traffic rules", "edits", "calibrations", "circumstances"],
+    ids=[
+        *("tools", "settings", "errors", "agent", "rules", "traffic rules", "edits", "calibrations", "circumstances"),
+        "worlds",
+    ],
 )
 def test_every_name_has_its_entry(page: str, names: list[str]) -> None:
     assert set(names) - names_in(page) == set()
+
+
+def test_the_page_on_worlds_states_every_default_range_and_preset() -> None:
+    page = (CHECKOUT / "docs" / "worlds.md").read_text(encoding="utf-8")
+    for name, field in World.model_fields.items():
+        low, high = bounds_of(name)
+        highest = "2³¹ − 1" if name == "seed" else f"{high:g}"
+        assert f"| `{name}` | {field.default:g} | {low:g} to {highest} |" in page
+    for name, preset in PRESETS.items():
+        values = ", ".join(f"{field}={value:g}" for field, value in preset.world.stated.items()) or "none differs"
+        assert f"| `{name}` | {preset.intent} | {values} |" in page
+        assert preset.source in page or name == "perfect"
 
 
 @pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md"])
@@ -59,13 +77,15 @@ def test_paths_on_the_page_on_architecture_exist() -> None:
 
 
 @pytest.mark.parametrize("title", ["a metric stored with every run", "an edit"])
-def test_worked_examples_name_what_the_code_has(title: str) -> None:
+def test_worked_examples_name_existing_code(title: str) -> None:
     page = (CHECKOUT / "docs" / "architecture.md").read_text(encoding="utf-8")
     section = re.split(r"\n##", page.split(f"### Example: {title}\n")[1])[0]
     quoted = re.findall(r"`([^`]+)`", section)
     folders = {(CHECKOUT / path).parent for path in quoted if path.endswith(".py") and "/" in path}
     code = "".join(file.read_text(encoding="utf-8") for folder in folders for file in folder.glob("*.py"))
-    words = {word for text in quoted if not re.search(r"[/.]\w*$", text) for word in re.findall(r"[A-Za-z_]{4,}", text)}
+    words = {
+        word for text in quoted if not re.search(r"[/.]\w*$", text) for word in re.findall(r"[A-Za-z_]\w{3,}", text)
+    }
     assert len(words) > 5
     assert words - set(re.findall(r"\w+", code)) <= {"stop_at"}
 
@@ -95,6 +115,7 @@ GLOSSARY_EXCEPTIONS = {
     "one_way_neighbour": 'the id of a rule, in reports; "one-way" is not a path',
     "plans_giving_way": "to give way is a rule of traffic, no path",
     "ground_truth": "the name of a prediction, an argument of run_planner",
+    "follows_and_lies_beside": "the id of a rule for road networks, which stays",
     "ground_distance_m": "along the surface of the earth, not a site network",
     "wrong_way": "the offence of driving against the direction of a lane",
 }

@@ -39,7 +39,7 @@ def fault(words: Sequence[str]) -> str:
 
 
 @pytest.mark.parametrize(("page", "command"), dict.fromkeys(shown_commands()), ids=lambda text: text[:60])
-def test_a_shown_command_is_one_that_the_program_takes(page: str, command: str) -> None:
+def test_every_shown_command_is_accepted_by_the_program(page: str, command: str) -> None:
     assert fault(words_of(command)) == ""
 
 
@@ -92,7 +92,7 @@ def blocks_of(language: str) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(("page", "text"), blocks_of("yaml"), ids=lambda part: part[:40])
-def test_a_shown_suite_is_one_that_is_read(page: str, text: str, tmp_path: Path) -> None:
+def test_every_shown_suite_can_be_read(page: str, text: str, tmp_path: Path) -> None:
     file = tmp_path / "suite.yaml"
     file.write_text(text, encoding="utf-8")
     suite = read_suite(file)

@@ -60,7 +60,7 @@ def test_an_allowed_number_of_a_construction_passes_and_one_more_shows_all(engli
     assert rules_broken(english, "A run whose ego stops.\n\n" * 3, allowed=allowed) == ["whose"] * 3
 
 
-def test_code_links_and_what_a_program_recorded_are_not_prose(english: ModuleType) -> None:
+def test_code_links_and_recorded_text_are_not_prose(english: ModuleType) -> None:
     page = "`beside`, [a page](page.md#of-whom)\n\n```\nnobody\n```\n\n<!-- from here on written by x -->\n\nbeside\n"
     texts = english.texts_of_page("p.md", page, english.Rules().recorded_after)
     assert english.faults_of(texts, english.Rules()) == []

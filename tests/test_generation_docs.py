@@ -29,7 +29,7 @@ def table(heading: str) -> dict[str, list[str]]:
     return {row[0].strip("`"): row[1:] for row in rows}
 
 
-def test_every_argument_stands_with_its_default() -> None:
+def test_every_argument_is_listed_with_its_default() -> None:
     rows = table("argument")
     fields = GenerateScenariosArguments.model_fields
     assert list(rows) == list(fields)
@@ -41,11 +41,11 @@ def test_every_argument_stands_with_its_default() -> None:
 
 
 @pytest.mark.parametrize("kind", RADIUS_M)
-def test_every_type_of_site_stands_with_its_radius(kind: str) -> None:
+def test_every_type_of_site_is_listed_with_its_radius(kind: str) -> None:
     assert table("`scenario_type`")[kind][-1] == f"{RADIUS_M[kind]:g} m"  # type: ignore[index]
 
 
-def test_the_densities_are_those_of_the_code() -> None:
+def test_the_densities_match_the_code() -> None:
     wanted = {name: [f"{VEHICLES_PER_LANE_KM[name]:g}", str(PAPER_TRIPS[name])] for name in VEHICLES_PER_LANE_KM}
     assert table("`density`") == wanted
     assert f"at least {FEWEST} and at most {MOST} on a site" in PAGE
@@ -54,14 +54,14 @@ def test_the_densities_are_those_of_the_code() -> None:
     assert f"SUMO drives for {WARM_UP_S:g} s" in PAGE
 
 
-def test_every_class_stands_with_its_type_and_size() -> None:
+def test_every_class_is_listed_with_its_type_and_size() -> None:
     classes = (*vehicle_classes().values(), PEDESTRIAN)
     wanted = {c.name: [c.commonroad_type, f"{c.length_m:g} × {c.width_m:g} m"] for c in classes}
     said = {name: [kind, size.partition(";")[0]] for name, (kind, size) in table("class").items()}
     assert said == wanted
 
 
-def test_every_check_of_the_answer_stands_there() -> None:
+def test_every_check_of_the_answer_is_listed() -> None:
     checks = Checks(
         schema_valid=True,
         goal_reachable=True,
@@ -77,7 +77,7 @@ def test_every_check_of_the_answer_stands_there() -> None:
     assert f"below {LEAST_FEASIBLE:.0%} or {LEAST_ON_LANELETS:.1%}".replace("%", " %") in PAGE
 
 
-def test_the_limits_are_those_of_the_code() -> None:
+def test_the_limits_match_the_code() -> None:
     rows = " ".join(table("file"))
     parts = re.findall(r"\.(?:osm\.pbf|osm|net\.xml|gz|bz2)", " ".join(MAP_ENDINGS))
     assert all(part in rows for part in parts)

@@ -132,13 +132,13 @@ def test_a_light_name_on_a_face_loads_no_other_package(package: str, name: str, 
 @pytest.mark.parametrize(
     "module", ["plannerforge.cli.program", "plannerforge.server.assembly", "plannerforge.engine.execution.worker"]
 )
-def test_start_loads_nothing_heavy(module: str) -> None:
+def test_start_loads_no_heavy_modules(module: str) -> None:
     loaded = loaded_after(f"import {module}")
     assert module in loaded
     assert heavy(loaded) == set()
 
 
-def test_all_schemas_and_tools_load_nothing_heavy() -> None:
+def test_schemas_and_tools_load_no_heavy_modules() -> None:
     loaded = loaded_after(
         "from plannerforge.tools.registry import TOOLS\n"
         "from plannerforge.server.tool_schema import tool_description\n"
@@ -149,7 +149,7 @@ def test_all_schemas_and_tools_load_nothing_heavy() -> None:
 
 
 @pytest.mark.parametrize("name", LAYERS)
-def test_common_names_are_not_taken_in_other_folders(name: str, tmp_path: Path) -> None:
+def test_common_names_stay_free_in_other_folders(name: str, tmp_path: Path) -> None:
     done = run(
         f"import importlib.util, sys, plannerforge.{name}\n"
         f"sys.path = [folder for folder in sys.path if folder != {str(CHECKOUT)!r}]\n"  # where PYTHONPATH names it

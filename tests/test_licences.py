@@ -30,7 +30,7 @@ def test_every_table_of_others_data_names_its_source() -> None:
     assert all(source in PAGE for source in sources.values())
 
 
-def test_a_table_under_a_licence_of_its_own_says_so() -> None:
+def test_a_table_with_its_own_licence_says_so() -> None:
     assert "`engine/vehicles/vehicle_words.json.gz`" in PAGE
     assert "creativecommons.org/licenses/by-sa/3.0" in PAGE
 

@@ -46,12 +46,12 @@ def test_reports_explain_every_measure_by_its_definition() -> None:
 
 
 @pytest.mark.parametrize("one", MEASURES, ids=lambda one: one.name)
-def test_a_definition_says_all_that_is_asked_of_it(one: Measure) -> None:
+def test_a_definition_has_all_required_parts(one: Measure) -> None:
     assert all((one.words, one.unit, one.meaning, one.method, one.span, one.none))
     assert "|" not in "".join((one.words, one.unit, one.method, one.source, one.span, one.cap, one.none))
 
 
-def test_parameters_in_the_definitions_are_those_of_the_code() -> None:
+def test_parameters_in_the_definitions_match_the_code() -> None:
     def told(name: str) -> str:
         known = measure_named(name)
         assert known is not None

@@ -76,7 +76,7 @@ def test_versions_that_files_name_are_that_of_the_package() -> None:
 # ---- the image
 
 
-def test_the_final_stage_runs_as_a_user_without_rights_and_installs_nothing() -> None:
+def test_the_final_stage_runs_as_an_unprivileged_user_and_installs_no_packages() -> None:
     stage = final_stage()
     assert [said for word, said in stage if word == "USER"] == ["10001:10001"]
     runs = [said for word, said in stage if word == "RUN"]
@@ -98,7 +98,7 @@ def test_the_image_writes_to_its_volume_and_tmp_alone() -> None:
     } <= set(Settings.model_fields)
 
 
-def test_the_image_serves_by_http_with_flags_that_there_are_and_looks_after_itself() -> None:
+def test_the_image_serves_by_http_with_existing_flags_and_checks_its_health() -> None:
     stage = dict(final_stage())
     assert json.loads(stage["ENTRYPOINT"])[0] in project()["project"]["scripts"]
     command, *arguments = json.loads(stage["CMD"])
@@ -109,7 +109,7 @@ def test_the_image_serves_by_http_with_flags_that_there_are_and_looks_after_itse
     assert f"http://127.0.0.1:{port}/health" in stage["HEALTHCHECK"]
 
 
-def test_bundle_page_and_release_leave_out_what_a_server_does_not_import() -> None:
+def test_bundle_page_and_release_leave_out_unimported_packages() -> None:
     overrides = [f"{name} ; python_version < '3'" for name in LEFT_OUT]
     bundle = tomllib.loads((PACKAGING / "bundle" / "environment.toml").read_text(encoding="utf-8"))
     assert overrides == bundle["tool"]["uv"]["override-dependencies"]
@@ -121,12 +121,12 @@ def test_bundle_page_and_release_leave_out_what_a_server_does_not_import() -> No
     assert f"""printf "%s ; python_version < '3'\\n" {" ".join(LEFT_OUT)} | uv pip compile""" in makefile
 
 
-def test_the_image_holds_the_versions_that_are_pinned() -> None:
+def test_the_image_has_the_pinned_versions() -> None:
     build = " ".join(said for _, said in instructions())
     assert "--no-deps -r packaging/requirements.txt /wheels/*.whl" in build
 
 
-def test_the_build_is_given_what_a_wheel_and_the_image_ask_for_and_nothing_else() -> None:
+def test_the_build_gets_exactly_the_required_files() -> None:
     lines = (PACKAGING / "Dockerfile.dockerignore").read_text(encoding="utf-8").splitlines()
     let_in = {line[1:] for line in lines if line.startswith("!")}
     metadata = project()["project"]
@@ -210,7 +210,7 @@ def tried(tmp_path: Path) -> subprocess.CompletedProcess[str]:
 @pytest.mark.skipif(
     sys.platform != "linux" or shutil.which("curl") is None, reason="it asks by curl, and waits for a process in /proc"
 )
-def test_what_tries_the_image_asks_with_a_token_and_after_a_restart(tmp_path: Path) -> None:
+def test_the_image_is_tried_with_a_token_and_after_a_restart(tmp_path: Path) -> None:
     done = tried(tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert re.search(r"^made (cfg_\w+)$[^!]*^\1 is there$", done.stdout, re.MULTILINE)
@@ -221,7 +221,7 @@ def test_what_tries_the_image_asks_with_a_token_and_after_a_restart(tmp_path: Pa
     assert not (tmp_path / "tokens").exists()
 
 
-def test_tokens_that_are_there_are_not_overwritten(tmp_path: Path) -> None:
+def test_existing_tokens_are_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / "tokens").write_text("mine")
     assert tried(tmp_path).returncode == 1
     assert (tmp_path / "tokens").read_text() == "mine"
@@ -246,7 +246,7 @@ def staged(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "staged"
 
 
-def test_a_bundle_holds_the_wheel_that_its_environment_is_made_of(staged: Path) -> None:
+def test_a_bundle_contains_the_wheel_of_its_environment(staged: Path) -> None:
     wheel = f"plannerforge_mcp-{__version__}-py3-none-any.whl"
     assert {path.name for path in staged.iterdir()} == {
         "manifest.json",
@@ -261,7 +261,7 @@ def test_a_bundle_holds_the_wheel_that_its_environment_is_made_of(staged: Path) 
     assert "VERSION" not in (staged / "pyproject.toml").read_text(encoding="utf-8").split("\n", 1)[1]
 
 
-def test_the_manifest_names_all_tools_and_only_flags_and_settings_that_there_are(staged: Path) -> None:
+def test_the_manifest_names_all_tools_and_only_existing_flags_and_settings(staged: Path) -> None:
     manifest = json.loads((staged / "manifest.json").read_text(encoding="utf-8"))
     assert {tool["name"] for tool in manifest["tools"]} == {spec.name for spec in TOOLS}
     assert all(tool["description"] for tool in manifest["tools"])
@@ -278,7 +278,7 @@ def test_the_manifest_names_all_tools_and_only_flags_and_settings_that_there_are
         assert {"type", "title", "description"} <= set(setting)
 
 
-def test_a_bundle_shows_an_icon_that_it_holds(staged: Path) -> None:
+def test_a_bundle_contains_the_icon_that_it_shows(staged: Path) -> None:
     icon = staged / json.loads((staged / "manifest.json").read_text(encoding="utf-8"))["icon"]
     with Image.open(icon) as picture:
         assert (picture.format, picture.size) == ("PNG", (512, 512))
@@ -289,7 +289,7 @@ def test_the_registry_entry_names_no_icon_but_by_an_address() -> None:
     assert all(icon["src"].startswith("https://") for icon in icons), "its schema takes nothing else"
 
 
-def test_what_a_bundle_starts_is_the_command_line() -> None:
+def test_a_bundle_starts_the_command_line() -> None:
     told = subprocess.run(
         [sys.executable, str(PACKAGING / "bundle" / "server.py"), "--version"],
         capture_output=True,
@@ -299,7 +299,7 @@ def test_what_a_bundle_starts_is_the_command_line() -> None:
     assert told.stdout == f"plannerforge {__version__}\n"
 
 
-def test_the_changelog_says_what_this_version_holds() -> None:
+def test_the_changelog_describes_this_version() -> None:
     headings = re.findall(r"^## (.*)$", (CHECKOUT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert headings[:2] == ["[Unreleased]", f"[{__version__}]"]
 
@@ -387,7 +387,7 @@ def test_the_entry_of_the_registry_keeps_to_its_rules_and_invents_no_address() -
     assert names <= set(Settings.model_fields)
 
 
-def test_what_the_registry_entry_starts_is_a_program_and_a_command_that_there_are(tmp_path: Path) -> None:
+def test_the_registry_entry_starts_an_existing_program_and_command(tmp_path: Path) -> None:
     (package,) = json.loads((PACKAGING / "server.json").read_text(encoding="utf-8"))["packages"]
     assert package["runtimeHint"] == "uvx", "which starts the program that is called like the package"
     module, _, name = project()["project"]["scripts"][package["identifier"]].partition(":")
@@ -400,7 +400,7 @@ def test_what_the_registry_entry_starts_is_a_program_and_a_command_that_there_ar
     assert words[-2:] == [package["identifier"], package["packageArguments"][0]["value"]]
 
 
-def test_no_public_address_is_made_up() -> None:
+def test_no_public_address_is_invented() -> None:
     assert "urls" not in project()["project"]
 
 
@@ -444,7 +444,7 @@ def test_the_environment_that_workflows_ask_make_for_is_the_one_of_developers() 
     assert stamp.replace("$(VENV)", venv) == DEVELOPERS
 
 
-def test_the_release_is_tried_in_every_way_that_the_page_names() -> None:
+def test_the_release_is_tried_in_every_documented_way() -> None:
     known = {*get_command(application).commands, "--version"}  # type: ignore[attr-defined]
     run = commands()
     ours = [words[number + 1] for words in run for number, word in enumerate(words[:-1]) if is_ours(word, words)]
@@ -467,7 +467,7 @@ def is_ours(word: str, words: list[str]) -> bool:
     )
 
 
-def test_a_change_is_held_against_all_that_can_break() -> None:
+def test_a_change_is_checked_against_all_that_can_break() -> None:
     words = commands(CHANGE)
     for command in ([".ci/run"], ["make", "docs"], ["make", "bundle"], ["packaging/try_image.sh"]):
         assert command in words
@@ -481,7 +481,7 @@ def test_a_change_is_held_against_all_that_can_break() -> None:
     assert not any("permissions" in job for job in jobs(CHANGE).values())
 
 
-def test_the_tag_is_held_against_the_version() -> None:
+def test_the_tag_is_checked_against_the_version() -> None:
     step = next(step for step in jobs()["build"]["steps"] if step.get("name") == "The tag is the version")
     name = f"v{__version__}"
     for tag, expected in ((name, 0), ("v9.9.9", 1)):
@@ -491,7 +491,7 @@ def test_the_tag_is_held_against_the_version() -> None:
         assert ended.returncode == expected
 
 
-def test_actions_are_pinned_and_rights_are_given_where_they_are_needed() -> None:
+def test_actions_are_pinned_and_rights_are_granted_where_needed() -> None:
     uses = [step["uses"] for job in jobs().values() for step in job["steps"] if "uses" in step]
     assert [action for action in uses if not re.search(r"@v\d+\.\d+\.\d+$", action)] == []
     rights = {name: job.get("permissions", {}) for name, job in jobs().items()}
@@ -500,7 +500,7 @@ def test_actions_are_pinned_and_rights_are_given_where_they_are_needed() -> None
     assert workflow(RELEASE)["permissions"] == {"contents": "read"}
 
 
-def test_nothing_is_published_before_it_was_tried_and_attested() -> None:
+def test_no_release_is_published_before_it_was_tried_and_attested() -> None:
     def before(job: str) -> list[str]:
         needed = jobs()[job].get("needs")
         return [] if needed is None else [needed, *before(needed)]

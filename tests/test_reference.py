@@ -27,18 +27,18 @@ def pages(script: ModuleType) -> dict[Path, str]:
     return found
 
 
-def test_the_pages_are_those_that_the_program_makes(pages: dict[Path, str]) -> None:
+def test_the_pages_match_the_program_s_output(pages: dict[Path, str]) -> None:
     differing = [file.name for file, text in pages.items() if file.read_text(encoding="utf-8") != text]
     assert differing == [], "run make reference and look at the difference"
 
 
-def test_no_page_of_what_is_gone_stays(pages: dict[Path, str]) -> None:
+def test_pages_of_removed_parts_are_deleted(pages: dict[Path, str]) -> None:
     folder = CHECKOUT / "docs" / "reference"
     assert set(folder.rglob("*.md")) - set(pages) == {folder / "index.md"}
 
 
 @pytest.mark.parametrize("spec", TOOLS, ids=lambda spec: spec.name)
-def test_every_argument_says_what_it_means(script: ModuleType, spec: object) -> None:
+def test_every_argument_has_a_description(script: ModuleType, spec: object) -> None:
     for line in script.tool_page(spec).partition("## Arguments")[2].partition("## Answer")[0].splitlines():
         if line.startswith("| `") and line.count(" | ") == 3:
             assert not line.endswith("| |"), line
@@ -52,7 +52,7 @@ def models_of_answers(script: ModuleType) -> list[type[BaseModel]]:
     return sorted(models, key=lambda model: (model.__module__, model.__name__))
 
 
-def test_every_field_of_every_answer_says_what_it_means(script: ModuleType) -> None:
+def test_every_field_of_every_answer_has_a_description(script: ModuleType) -> None:
     models = models_of_answers(script)
     assert len(models) > 90
     silent = {model.__name__: names for model in models if (names := silent_fields(script, model))}
@@ -68,7 +68,7 @@ def _own_words(meaning: str) -> str:
     return re.sub(r"`\w+`:?|\(.*?\)", "", meaning).strip()
 
 
-def test_a_field_that_says_nothing_is_seen(script: ModuleType) -> None:
+def test_a_field_without_a_description_is_detected(script: ModuleType) -> None:
     class Told(BaseModel):
         """A thing; ``said``: here in the docstring."""
 
@@ -81,12 +81,12 @@ def test_a_field_that_says_nothing_is_seen(script: ModuleType) -> None:
     assert script.meanings_of(Told)["length_m"] == "how long it is (m)"
 
 
-def test_what_is_said_of_fields_of_one_name_is_of_use(script: ModuleType) -> None:
+def test_descriptions_of_fields_with_one_name_are_specific(script: ModuleType) -> None:
     names = [name for model in models_of_answers(script) for name in model.model_fields]
     assert set(COMMON_FIELDS) <= set(names)
 
 
-def test_descriptions_of_answers_cost_the_model_nothing() -> None:
+def test_descriptions_of_answers_cost_the_model_no_tokens() -> None:
     for spec in TOOLS:
         assert '"description"' not in json.dumps(_without_fields_named_so(described_tool(spec).output_schema or {}))
 

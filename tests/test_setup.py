@@ -85,7 +85,7 @@ def new_environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the usual index has the build for the CPU")
-def test_torch_is_had_for_the_cpu_and_otherwise_from_the_usual_index(tmp_path: Path, new_environment: Path) -> None:
+def test_torch_comes_for_the_cpu_and_otherwise_from_the_usual_index(tmp_path: Path, new_environment: Path) -> None:
     version = pinned_torch()
     put_wheel(tmp_path / "indexes" / "usual", version)
     environment = shutil.copytree(new_environment, tmp_path / "venv", symlinks=True)
@@ -123,7 +123,7 @@ def set_up_by_uv(folder: Path, uv: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(script, cwd=CHECKOUT, env=environment, capture_output=True, text=True, check=False)
 
 
-def test_uv_installs_where_it_is_exactly_what_is_pinned(tmp_path: Path, new_environment: Path) -> None:
+def test_uv_installs_exactly_the_pinned_versions_if_it_is_available(tmp_path: Path, new_environment: Path) -> None:
     uv = stand_in_uv(tmp_path / "bin", 0, new_environment)
     told = set_up_by_uv(tmp_path / "venv", uv)
     assert told.returncode == 0, told.stderr
@@ -133,9 +133,7 @@ def test_uv_installs_where_it_is_exactly_what_is_pinned(tmp_path: Path, new_envi
     assert "--no-deps -r packaging/requirements.txt -e ." in asked[1]
 
 
-def test_pip_goes_on_where_uv_could_not_and_chooses_where_versions_are_gone(
-    tmp_path: Path, new_environment: Path
-) -> None:
+def test_pip_continues_if_uv_fails_and_chooses_if_versions_are_missing(tmp_path: Path, new_environment: Path) -> None:
     told = set_up_by_uv(tmp_path / "venv", stand_in_uv(tmp_path / "bin", 2, new_environment))
     steps = [
         "by uv",
@@ -165,7 +163,7 @@ def pinned_here() -> dict[str, str]:
     return {canonicalize_name(one.name): str(one.specifier).removeprefix("==") for one in here}
 
 
-def test_the_file_of_versions_names_all_that_is_asked_for_but_what_nothing_imports() -> None:
+def test_the_file_of_versions_names_all_requirements_except_unimported_ones() -> None:
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     versions = pinned_here()
     assert not set(LEFT_OUT) & set(pinned())
@@ -175,7 +173,7 @@ def test_the_file_of_versions_names_all_that_is_asked_for_but_what_nothing_impor
             assert versions[name] in asked.specifier, f"{asked}: run make requirements"
 
 
-def test_the_file_of_versions_lacks_nothing_that_what_it_names_asks_for() -> None:
+def test_the_file_of_versions_has_all_requirements_of_its_packages() -> None:
     versions = pinned_here()
     compared = 0
     for name, version in versions.items():

@@ -15,7 +15,7 @@ PATHS = {"import_files": {"path"}, "export_artifacts": {"folder"}}
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row[0][:40])
-def test_every_threat_names_tests_that_exist_or_says_so(row: tuple[str, str, str]) -> None:
+def test_every_threat_names_existing_tests_or_says_so(row: tuple[str, str, str]) -> None:
     threat, stops, held = row
     named = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", held)
     assert named or held == "no test", threat
@@ -31,7 +31,7 @@ def test_every_row_of_a_threat_is_read() -> None:
     assert len(ROWS) == len([line for line in threats if not line.startswith(("| threat ", "| --- "))])
 
 
-def test_two_tools_take_a_path_and_none_an_address_or_a_command() -> None:
+def test_two_tools_take_a_path_and_no_tool_takes_an_address_or_a_command() -> None:
     arguments = {spec.name: set(described_tool(spec).input_schema.get("properties", {})) for spec in TOOLS}
     found = {tool: names & {"path", "folder", "file", "output"} for tool, names in arguments.items()}
     assert {tool: names for tool, names in found.items() if names} == PATHS
@@ -39,7 +39,7 @@ def test_two_tools_take_a_path_and_none_an_address_or_a_command() -> None:
     assert words & {"url", "address", "host", "command", "program", "environment", "token"} == set()
 
 
-def test_no_command_goes_through_a_shell() -> None:
+def test_no_command_uses_a_shell() -> None:
     calls = [
         (path.relative_to(CHECKOUT).as_posix(), node.lineno)
         for path in source_files()

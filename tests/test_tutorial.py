@@ -37,7 +37,7 @@ async def test_the_tutorial_shows_answers_and_pictures_of_today(recording: Modul
         assert np.abs(coarse(stored) - coarse(picture)).max() <= LARGEST_DIFFERENCE, name
 
 
-def test_a_command_that_is_no_call_is_refused(recording: ModuleType, settings: Settings) -> None:
+def test_a_command_that_is_not_a_call_is_refused(recording: ModuleType, settings: Settings) -> None:
     import anyio
 
     with pytest.raises(ValueError, match="makes calls only"):

@@ -33,7 +33,7 @@ def data_files() -> set[str]:
 
 
 @pytest.mark.skipif(not (CHECKOUT / ".git").exists(), reason="what belongs to the package is read from git")
-def test_the_wheel_holds_every_file_of_the_packages_and_nothing_beside(wheel: Path) -> None:
+def test_the_wheel_contains_exactly_the_files_of_the_packages(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     assert data_files() - set(names) == set()
     assert {name.partition("/")[0] for name in names if ".dist-info/" not in name} == {"plannerforge"}

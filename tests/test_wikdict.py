@@ -45,7 +45,7 @@ def words(wikdict: ModuleType, folder: Path) -> dict[str, dict[str, str]]:
     return dict(found)
 
 
-def test_a_word_means_what_two_dictionaries_say(wikdict: ModuleType, tmp_path: Path) -> None:
+def test_a_word_has_the_meaning_that_two_dictionaries_give(wikdict: ModuleType, tmp_path: Path) -> None:
     write_dictionary(tmp_path, "deu-fra", {"Laster": "camion 2.\nein Fahrzeug\n 3.\nein anderes", "Kahn": "camion"})
     write_dictionary(tmp_path, "deu-eng", {"Laster": "1. vice\nSünde\n2. truck\nKraftfahrzeug"})
     write_dictionary(tmp_path, "nld-deu", {"vrachtwagen": "Laster, Lastwagen"})
@@ -57,7 +57,7 @@ def test_a_word_means_what_two_dictionaries_say(wikdict: ModuleType, tmp_path: P
     }
 
 
-def test_later_meanings_and_other_makers_say_nothing(wikdict: ModuleType, tmp_path: Path) -> None:
+def test_later_meanings_and_other_makers_do_not_count(wikdict: ModuleType, tmp_path: Path) -> None:
     third = {"Zug": "1. train\nBahn\n2. pull\nKraft\n3. truck\nGespann"}
     write_dictionary(tmp_path, "deu-eng", third)
     write_dictionary(tmp_path, "deu-fra", {"Zug": "camion"}, maker="another")
@@ -65,7 +65,7 @@ def test_later_meanings_and_other_makers_say_nothing(wikdict: ModuleType, tmp_pa
     assert words(wikdict, tmp_path) == {"deu": {}, "fra": {}, "nld": {}}
 
 
-def test_of_two_classes_none_is_meant(wikdict: ModuleType, tmp_path: Path) -> None:
+def test_a_word_with_two_classes_has_no_meaning(wikdict: ModuleType, tmp_path: Path) -> None:
     write_dictionary(tmp_path, "deu-fra", {"Ding": "camion"})
     write_dictionary(tmp_path, "deu-eng", {"Ding": "truck"})
     write_dictionary(tmp_path, "deu-nld", {"Ding": "auto"})

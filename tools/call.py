@@ -13,7 +13,7 @@ class ToolCall(WorkflowContext):
     """One call to a tool.
 
     Attributes:
-        most_image_bytes: limit for all pictures of the answer together; larger ones are only linked.
+        most_image_bytes: limit for all pictures of the answer together; larger pictures are only linked.
         names_view: whether the answer refers to its view, because the host shows views.
         shown: ids of the answer's artifacts, for a host that shows them in a view.
     """

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
 
 from ..engine.execution import Job
 from ..engine.planners import PLANNERS
@@ -21,20 +22,27 @@ from ..schemas.jobs import CancelJobArguments, GetJobArguments, JobResult
 from ..schemas.runs import BatchRecord, RunRecord, configuration_id
 from ..schemas.text import counted
 from .context import WorkflowContext
+from .maps import inventory_of_read_maps
 from .operations import SUCCESS_RATES
 from .paging import check_offset
 from .results import lineages, run_record, with_versions
+from .runs import after_batch
 
 _NEXT = {
     "running": "repeat get_job with the same job_id",
-    "done": "use the ids above, for example in analyze_results",
+    "done": "use the ids above: runs and batches in analyze_results, configurations in run_planner",
     "failed": "correct the error and repeat the call; finished work is reused",
-    "cancelled": "finished results stay; repeat the call to resume",
-    "interrupted": "its server stopped; repeat the call to resume, finished work is reused",
+    "cancelled": "to resume, repeat the call that started the job; finished results are kept",
+    "interrupted": "its server stopped; to resume, repeat the call that started the job; finished work is reused",
 }
 _MOST_NAMED = 100
 """How many of a token's latest jobs are searched for running ones (chosen)."""
-_NEXT_AFTER_IMPORT = "search with find_scenarios, or list the imported files with list_artifacts"
+_NEXT_AFTER = {
+    "import": "search with find_scenarios, or list the imported files with list_artifacts",
+    "study": "repeat the call of optimize_planner to get the study",
+    "trial": "repeat the call of analyze_results to get its result",
+}
+"""The next step after a job of each kind that is done."""
 
 
 async def list_artifacts(arguments: ListArtifactsArguments, context: WorkflowContext) -> ListArtifactsResult:
@@ -42,12 +50,15 @@ async def list_artifacts(arguments: ListArtifactsArguments, context: WorkflowCon
 
     Raises:
         InvalidRequest: the offset skips all of them.
+        UnknownName: there is no artifact or map with the id in ``parent``.
     """
+    if arguments.parent:
+        _check_parent(arguments.parent, context)
     if arguments.kind == "job":
         return _jobs(arguments, context)
     if arguments.offset:
         total = context.workspace.count(kind=arguments.kind, parent=arguments.parent, text=arguments.text)
-        check_offset(arguments.offset, total, "artifacts that fit", arguments.limit)
+        check_offset(arguments.offset, total, "matching artifacts", arguments.limit)
     artifacts = context.workspace.newest(
         kind=arguments.kind,
         parent=arguments.parent,
@@ -60,7 +71,25 @@ async def list_artifacts(arguments: ListArtifactsArguments, context: WorkflowCon
     if arguments.kind == "batch":
         batches = await _summaries([artifact.read(BatchRecord) for artifact in shown], context)
         listed = tuple(item.model_copy(update={"batch": batch}) for item, batch in zip(listed, batches, strict=True))
-    return ListArtifactsResult(artifacts=listed, more=len(artifacts) > arguments.limit)
+    return ListArtifactsResult(
+        artifacts=listed,
+        more=len(artifacts) > arguments.limit,
+        kind=arguments.kind,
+        is_filtered=_is_filtered(arguments),
+    )
+
+
+def _is_filtered(arguments: ListArtifactsArguments) -> bool:
+    return bool(arguments.parent or arguments.text)
+
+
+def _check_parent(parent: str, context: WorkflowContext) -> None:
+    """Refuse an id that neither a stored artifact nor a built-in map has."""
+    if context.workspace.count(parent=parent) or any(
+        one.facts.map_id == parent for one in inventory_of_read_maps(context).entries
+    ):
+        return
+    context.workspace.kind_of(parent)
 
 
 async def _summaries(batches: Sequence[BatchRecord], context: WorkflowContext) -> list[BatchSummary]:
@@ -85,6 +114,7 @@ async def _summaries(batches: Sequence[BatchRecord], context: WorkflowContext) -
         BatchSummary(
             prediction=batch.prediction,
             traffic=batch.traffic,
+            world=batch.world.in_words(),
             scenarios=len({run.scenario_id for run in runs_of_batch} | {cell.scenario_id for cell in batch.lost}),
             configs=tuple(
                 ConfigSuccess(
@@ -147,9 +177,14 @@ def _name(artifact: Artifact) -> str:
 
 
 def _jobs(arguments: ListArtifactsArguments, context: WorkflowContext) -> ListArtifactsResult:
+    store = context.jobs.store
+    total = store.count()
+    jobs = store.newest(arguments.limit + 1, arguments.offset)
+    if _is_filtered(arguments):
+        fitting = [job for job in store.newest(total) if _is_wanted(job, arguments)]
+        total, jobs = len(fitting), fitting[arguments.offset :][: arguments.limit + 1]
     if arguments.offset:
-        check_offset(arguments.offset, context.jobs.store.count(), "jobs", arguments.limit)
-    jobs = context.jobs.store.newest(arguments.limit + 1, arguments.offset)
+        check_offset(arguments.offset, total, "jobs", arguments.limit)
     listed = tuple(
         ListedArtifact(
             artifact_id=job.job_id,
@@ -157,12 +192,21 @@ def _jobs(arguments: ListArtifactsArguments, context: WorkflowContext) -> ListAr
             name=f"{job.state}, {job.share:.0%}",
             made_by=job.recipe.tool,
             parents=job.recipe.parents,
-            made_at="",
+            made_at=datetime.fromtimestamp(job.started_at, UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
             uri="",
         )
         for job in jobs[: arguments.limit]
     )
-    return ListArtifactsResult(artifacts=listed, more=len(jobs) > arguments.limit)
+    return ListArtifactsResult(
+        artifacts=listed, more=len(jobs) > arguments.limit, kind="job", is_filtered=_is_filtered(arguments)
+    )
+
+
+def _is_wanted(job: Job, arguments: ListArtifactsArguments) -> bool:
+    """Return whether a job has the requested parent, and the text in its id or recipe."""
+    if arguments.parent and arguments.parent not in job.recipe.parents:
+        return False
+    return (arguments.text or "").lower() in f"{job.job_id} {job.recipe.model_dump_json()}".lower()
 
 
 async def get_job(arguments: GetJobArguments, context: WorkflowContext) -> JobResult:
@@ -191,12 +235,12 @@ def _job_id(word: str, context: WorkflowContext) -> str:
     if own is not None:
         return own
     newest = context.jobs.store.get(word)
-    context.tell_whose("job", newest.job_id)
+    context.remark_source("job", newest.job_id)
     return newest.job_id
 
 
 def _own_latest(context: WorkflowContext) -> str | None:
-    """Return the client's latest job, otherwise the latest one started with its token, with a remark."""
+    """Return the id of the client's latest job, otherwise of the latest job started with its token, with a remark."""
     last = context.services.recent.last(["job"])
     if last:
         return last[0][1]
@@ -204,7 +248,7 @@ def _own_latest(context: WorkflowContext) -> str | None:
     before = context.jobs.store.newest_of(owner, 1) if owner else []
     if not before:
         return None
-    context.tell_whose("job", before[0].job_id, "this token's")
+    context.remark_source("job", before[0].job_id, "this token's")
     return before[0].job_id
 
 
@@ -257,6 +301,6 @@ def _next_step(job: Job) -> str:
     if job.kind == "plan":
         return f"run_planner with scenarios ['{job.results[0]}']"
     batches = _batches(job)
-    if batches:
-        return f"analyze_results or compare_results with results ['{batches[-1]}']"
-    return _NEXT_AFTER_IMPORT if job.kind == "import" else _NEXT[job.state]
+    if batches and job.kind == "batch":
+        return after_batch(batches[-1], [key for key in job.recipe.parents if key.startswith("cfg_")])
+    return _NEXT_AFTER[job.kind] if job.kind in _NEXT_AFTER else _NEXT["done"]

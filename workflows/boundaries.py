@@ -38,6 +38,7 @@ from ..schemas.grammar import parse_interval, parse_quantity
 from ..schemas.modification import Edit
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.runs import Traffic
+from ..schemas.worlds import World, world_of
 from .configurations import resolve_configuration
 from .context import WorkflowContext
 from .modification import base_and_edits
@@ -80,6 +81,7 @@ class _Plan:
     configurations: tuple[PlannerConfiguration, ...]
     references: tuple[PlannerConfiguration, ...]
     traffic: Traffic
+    world: World
     arguments: ExploreBoundaryArguments
 
     def recipe(self) -> Recipe:
@@ -100,6 +102,7 @@ class _Plan:
                 "points": given.points,
                 "prediction": given.prediction,
                 "traffic": self.traffic,
+                **({} if self.world.is_perfect else {"world": self.world.stated}),
             },
             parents=(self.base.artifact_id, *dict.fromkeys(one.config_id for one in self.configurations)),
             seed=given.seed,
@@ -166,6 +169,7 @@ async def _plan(arguments: ExploreBoundaryArguments, context: WorkflowContext) -
         configurations=configurations,
         references=references,
         traffic=arguments.traffic or logical.traffic,
+        world=world_of(arguments.world),
         arguments=arguments,
     )
 
@@ -265,6 +269,7 @@ class _Exploration:
             prediction=plan.arguments.prediction,
             traffic=plan.traffic,
             seed=plan.arguments.seed,
+            world=plan.world,
             maps=tuple(maps),
         )
 
@@ -345,6 +350,7 @@ class _Exploration:
             traffic=plan.traffic,
             prediction=plan.arguments.prediction,
             seed=plan.arguments.seed,
+            world=plan.world,
             horizon_s=plan.logical.horizon_s,
             logical=plan.logical,
             points=tuple(_values(plan.axes, place, at) for place in batch),

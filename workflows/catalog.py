@@ -35,7 +35,7 @@ from ..schemas.generation import MapFacts
 from ..schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ..schemas.text import cited, counted, one_line, quoted
 from .context import INDEX_FOLDER, WorkflowContext
-from .maps import maps_seen
+from .maps import inventory_of_read_maps
 from .operations import RANK
 from .paging import check_offset
 from .scenarios import one_scenario, opened_search, searched_within
@@ -67,7 +67,7 @@ async def describe_catalog(arguments: DescribeCatalogArguments, context: Workflo
 
 
 def _within(word: str, context: WorkflowContext) -> frozenset[str]:
-    """Return the scenarios of a search, a coverage plan, a country or a place, which may be empty.
+    """Return the scenarios of a search, a coverage plan, a country or a place; the set may be empty.
 
     Raises:
         UnknownName: there is no such search or plan.
@@ -90,7 +90,7 @@ def _other_facets(
 
 def _maps_within(word: str | None, context: WorkflowContext) -> tuple[MapFacts, ...]:
     """Return the maps of a country or place, or of the places of a search, by country; all maps if no word is given."""
-    known = [entry.facts for entry in maps_seen(context).entries]
+    known = [entry.facts for entry in inventory_of_read_maps(context).entries]
     if word is None:
         found = known
     elif _is_search(word):
@@ -108,7 +108,7 @@ def _maps_within(word: str | None, context: WorkflowContext) -> tuple[MapFacts, 
 
 def _showing(place: str, context: WorkflowContext) -> list[MapFacts]:
     try:
-        return [match.entry.facts for match in find_maps(maps_seen(context).entries, place=place)]
+        return [match.entry.facts for match in find_maps(inventory_of_read_maps(context).entries, place=place)]
     except UnknownName:
         return []
 
@@ -119,7 +119,7 @@ def _is_search(word: str) -> bool:
 
 def _unknown_place(word: str, context: WorkflowContext) -> UnknownName:
     """Return the refusal of a place that has neither scenarios nor maps."""
-    places = {entry.facts.place for entry in maps_seen(context).entries}
+    places = {entry.facts.place for entry in inventory_of_read_maps(context).entries}
     places |= {
         place
         for place, country in known_places(context.workspace.database.connection()).places
@@ -181,7 +181,7 @@ def _maps(maps: Sequence[MapFacts], arguments: DescribeCatalogArguments, context
         f"by country, for generate_scenarios; {counted(sites, 'site')}",
         *([f"{counted(hidden, 'more country')}"] if hidden > 0 else []),
         *(["facet maps lists them"] if arguments.facet == "all" else []),
-        *maps_seen(context).notes,
+        *inventory_of_read_maps(context).notes,
     ]
     return FacetCounts(facet="maps", counts=shown if arguments.facet == "all" else countries, note="; ".join(notes))
 

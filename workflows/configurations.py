@@ -15,6 +15,8 @@ from .context import WorkflowContext
 _CURRENT = ("current", "latest")
 _BY_NAME = "preset"
 """The tool that the recipe names for a preset that was stored because it was run."""
+BY_SEARCH = "optimize_planner"
+"""The tool that the recipe names for a candidate of a search."""
 _SEARCHED = 1000
 """How many of the newest configurations are searched (chosen)."""
 
@@ -26,14 +28,14 @@ def resolve_configuration(text: str, context: WorkflowContext) -> PlannerConfigu
     ``frenetix:Default`` if nothing is configured.
 
     Raises:
-        UnknownName: an unknown name.
-        NotPossible: it refers to a version of its planner that is no longer installed.
+        UnknownName: the name is unknown.
+        NotPossible: the text refers to a planner version that is no longer installed.
     """
     if text.lower() in _CURRENT:
         own = context.services.recent.last(["config"])
         made = [] if own else made_configurations(context, 1)
         if made:
-            context.tell_whose("config", f"{made[0].config_id} ({shown_name(made[0].name)})")
+            context.remark_source("config", f"{made[0].config_id} ({shown_name(made[0].name)})")
         text = own[0][1] if own else made[0].config_id if made else DEFAULT_CONFIGURATION
     stored = context.workspace.find("config", configuration_id(text))
     if stored is not None:
@@ -64,9 +66,9 @@ def _check_version(text: str, configuration: PlannerConfiguration) -> None:
 
 
 def made_configurations(context: WorkflowContext, limit: int) -> list[PlannerConfiguration]:
-    """Return configurations that were configured or imported, newest first, without presets that were only run."""
+    """Return configurations that were configured or imported, newest first, without presets and candidates."""
     stored = context.workspace.newest(kind="config", limit=_SEARCHED)
-    made = [artifact for artifact in stored if artifact.recipe.tool != _BY_NAME]
+    made = [artifact for artifact in stored if artifact.recipe.tool not in (_BY_NAME, BY_SEARCH)]
     return [artifact.read(PlannerConfiguration) for artifact in made[:limit]]
 
 

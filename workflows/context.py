@@ -44,14 +44,14 @@ Ask = Callable[[Question], Awaitable[str | None]]
 """Asks the user a question; returns None if the client cannot ask, or the user chose nothing."""
 
 
-async def ask_no_one(question: Question) -> str | None:
-    """Answer for a client that cannot ask."""
+async def cannot_ask(question: Question) -> str | None:
+    """Return None, the answer for a client that cannot ask its user."""
     del question
     return None
 
 
 class Recent:
-    """What one client made or chose, latest last. It determines what the client's ``latest`` and ``current`` mean.
+    """The artifacts and jobs that one client made or chose, latest last: the meaning of its ``latest`` and ``current``.
 
     A client is a session of the protocol. Other clients of the workspace do not affect it.
     """
@@ -62,7 +62,7 @@ class Recent:
         self._reported: set[MadeKind] = set()
 
     def note(self, kind: MadeKind, made_id: str) -> None:
-        """Remember an artifact or a job as the latest one."""
+        """Remember an artifact or a job as the latest of its kind."""
         with self._lock:
             self._made.pop((kind, made_id), None)
             self._made[kind, made_id] = None
@@ -70,7 +70,7 @@ class Recent:
                 del self._made[next(iter(self._made))]
 
     def last(self, kinds: Collection[MadeKind]) -> list[tuple[MadeKind, str]]:
-        """Return what the client made or chose of some kinds, latest first."""
+        """Return the kind and id of what the client made or chose of the given kinds, latest first."""
         with self._lock:
             return [entry for entry in reversed(self._made) if entry[0] in kinds]
 
@@ -122,7 +122,7 @@ class WorkflowContext:
         made_here: what this use made or found again, in order.
     """
 
-    def __init__(self, services: Services, send_progress: OnProgress = no_progress, ask: Ask = ask_no_one) -> None:
+    def __init__(self, services: Services, send_progress: OnProgress = no_progress, ask: Ask = cannot_ask) -> None:
         self.services, self.ask = services, ask
         self.remarks: list[str] = []
         self.made_here: dict[tuple[MadeKind, str], None] = {}
@@ -150,7 +150,7 @@ class WorkflowContext:
             self.made_here[kind, made_id] = None
 
     def newest(self, *kinds: ArtifactKind, count: int = 1) -> list[Artifact]:
-        """Return the client's latest artifacts of some kinds, then those of others with a single remark."""
+        """Return the client's latest artifacts of the given kinds, then those of other clients with a single remark."""
         last = self.services.recent.last(kinds)[:count]
         own = [self.workspace.get(key, kind) for kind, key in last if kind != "job"]
         if len(own) == count:
@@ -160,19 +160,19 @@ class WorkflowContext:
         others = sorted((one for one in stored if one.artifact_id not in known), key=lambda one: -one.sequence)
         for artifact in others[: count - len(own)]:
             if not own:
-                self.tell_whose(artifact.kind, artifact.artifact_id)
+                self.remark_source(artifact.kind, artifact.artifact_id)
         return [*own, *others[: count - len(own)]]
 
-    def tell_whose(self, kind: MadeKind, made_id: str, whose: str = "the workspace's") -> None:
+    def remark_source(self, kind: MadeKind, made_id: str, owner: str = "the workspace's") -> None:
         """Add a remark, once for each kind, that a word refers to something from outside this session."""
         if self.services.recent.is_first_report(kind):
-            self.remarks.append(f"{made_id} is {whose} newest {kind}; this session has not made one.")
+            self.remarks.append(f"{made_id} is {owner} newest {kind}; this session has not made one.")
 
     def artifact(self, word: str, kind: ArtifactKind) -> Artifact:
-        """Return the artifact with this id; ``latest`` is the client's latest one of the kind.
+        """Return the artifact with this id; ``latest`` means the client's newest artifact of this kind.
 
         Raises:
-            UnknownName: with the nearest existing ids.
+            UnknownName: there is no such artifact; the error lists the nearest ids.
         """
         if word != "latest":
             return self.workspace.get(word, kind)
@@ -189,7 +189,7 @@ class WorkflowContext:
         path = self.limits.allowed_path(text)
         if self.workspace.owns(path):
             raise OutsideRoots(
-                f"{quoted(path)} belongs to the workspace, whose files only tools may read and write",
+                f"{quoted(path)} belongs to the workspace; only tools may read and write its files",
                 next_step="use another folder, or refer to stored artifacts by id",
             )
         return path
@@ -216,7 +216,7 @@ class WorkflowContext:
         """Run an engine operation in a warm worker; its progress fills ``share`` of the call's progress.
 
         Raises:
-            PlannerForgeError: an error of the operation, a timeout, or the death of the worker.
+            PlannerForgeError: the operation failed or timed out, or the worker died.
         """
         begin, end = share
 

@@ -17,7 +17,7 @@ from ..engine.rendering import (
     run_section,
     scenario_section,
 )
-from ..engine.workspace import REPORT_NAME, Artifact, Export, plan_exports, refuse_taken, write_export, write_whole
+from ..engine.workspace import REPORT_NAME, Artifact, Export, plan_exports, refuse_existing, write_export, write_whole
 from ..schemas.analysis.comparison import CompareResultsArguments
 from ..schemas.artifacts import (
     ExportArtifactsArguments,
@@ -70,7 +70,7 @@ async def export_artifacts(arguments: ExportArtifactsArguments, context: Workflo
         {artifact.artifact_id: folder / f"{artifact.artifact_id}.view.html" for artifact in artifacts} if report else {}
     )
     if not arguments.overwrite:
-        refuse_taken([export.path for export in planned] + ([report, *views.values()] if report else []))
+        refuse_existing([export.path for export in planned] + ([report, *views.values()] if report else []))
     files = [await _write(context, export) for export in planned]
     if report is not None:
         files += await _write_report(context, artifacts, report, views)
@@ -182,7 +182,7 @@ async def _write_report(
     """Write one page on scenarios and batches, in the given order, with the view of each next to it.
 
     Raises:
-        InvalidRequest: an artifact that a report cannot show.
+        InvalidRequest: a report cannot show one of the artifacts.
     """
     for artifact in artifacts:
         if artifact.kind not in ("scenario", "batch"):

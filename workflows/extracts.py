@@ -1,7 +1,7 @@
 """Extracts of whole countries, which a job splits into tiles in their own folder of the workspace.
 
 An extract becomes a map like any other when its index is complete. The next job for the same file resumes an
-interrupted one.
+interrupted job.
 """
 
 import shutil
@@ -25,7 +25,7 @@ _DIGESTED = 0.02
 
 
 @dataclass(frozen=True)
-class KnownAs:
+class StatedPlace:
     """What the user states about a map: its place and its country (ISO alpha-3). None means those of the file."""
 
     place: str | None = None
@@ -37,7 +37,7 @@ def extract_index(context: WorkflowContext, map_id: str) -> Path:
     return context.workspace.root / "extracts" / map_id / INDEX_NAME
 
 
-def map_recipe(path: Path, known: KnownAs) -> Recipe:
+def map_recipe(path: Path, known: StatedPlace) -> Recipe:
     """Return the recipe of a map: the content of its file, and what the user states about it."""
     arguments = {"content": content_digest(path)}
     arguments |= {"name": known.place} if known.place else {}
@@ -45,8 +45,8 @@ def map_recipe(path: Path, known: KnownAs) -> Recipe:
     return Recipe(tool="import_files", arguments=arguments)
 
 
-def start_indexing(context: WorkflowContext, path: Path, known: KnownAs) -> Job:
-    """Start the job that splits an extract into tiles, or join a running one.
+def start_indexing(context: WorkflowContext, path: Path, known: StatedPlace) -> Job:
+    """Start the job that splits an extract into tiles, or join a running job.
 
     Raises:
         UnsafeInput: the file is gone.
@@ -82,8 +82,8 @@ def _state_of(path: Path) -> tuple[int, int]:
     return stat.st_size, stat.st_mtime_ns
 
 
-async def _indexed(context: WorkflowContext, path: Path, known: KnownAs) -> Artifact:
-    """Return the extract as a map: the one with the same content, or a new one.
+async def _indexed(context: WorkflowContext, path: Path, known: StatedPlace) -> Artifact:
+    """Return the extract as a map: the stored map with the same content, or a new one.
 
     An existing index is checked, and created again if it is gone or damaged.
 

@@ -25,8 +25,8 @@ from ..schemas.errors import (
     OutsideRoots,
     PlannerForgeError,
     UnexpectedFailure,
-    as_told,
     closest,
+    error_to_report,
     misspelt,
     with_values,
 )
@@ -253,7 +253,7 @@ def _kind(path: Path, wanted: str) -> _ImportKind:
     known = _kind_of(path, wanted)
     if known is None:
         raise InvalidRequest(
-            f"{shown_name(path.name)} is not of a supported kind", valid=[f"*{end}" for end in _SUFFIXES]
+            f"{shown_name(path.name)} is of no type that can be imported", valid=[f"*{end}" for end in _SUFFIXES]
         )
     if wanted not in ("auto", known):
         raise InvalidRequest(
@@ -278,7 +278,7 @@ def _kind_of(path: Path, wanted: str) -> _ImportKind | None:
 async def _import_as_job(
     context: WorkflowContext, arguments: ImportFilesArguments, files: Sequence[tuple[Path, _ImportKind]]
 ) -> ImportFilesResult:
-    """Start the import, or join a running one, and answer with what is done after 45 s at most."""
+    """Start the import, or join a running import, and answer with what is done after 45 s at most."""
     tally = _Tally(len(files))
 
     async def work(progress: JobProgress) -> None:
@@ -341,4 +341,4 @@ async def _imported_other(
             return await import_map(context, checked, arguments.name, arguments.country, wait_s=WAIT_S)
         return await import_configuration(context, checked, arguments.name)
     except Exception as raised:  # noqa: BLE001 - the boundary of a file: it becomes the refusal of this one
-        return as_told(raised, f"import of {kind} {shown_name(path.name)}")
+        return error_to_report(raised, f"import of {kind} {shown_name(path.name)}")

@@ -1,4 +1,4 @@
-"""The maps of a call: those of the package, of the user's map folders, and the imported ones."""
+"""The maps of a call: those of the package, of the user's map folders, and the imported maps."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +28,7 @@ from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnknownName, Uns
 from ..schemas.generation import MAP_FACTS_VERSION, ConvertMapRequest, MapFacts, ReadMapRequest
 from ..schemas.text import cited, counted, is_utf8, one_line, shown_name
 from .context import WorkflowContext
-from .extracts import KnownAs, extract_index, map_recipe, size_in_words, start_indexing
+from .extracts import StatedPlace, extract_index, map_recipe, size_in_words, start_indexing
 from .operations import CONVERT_MAP, CONVERT_ROADS, READ_MAP
 
 _MOST_FILES, _MOST_MAPS = 200, 1000
@@ -83,8 +83,8 @@ async def _reread_outdated(context: WorkflowContext) -> list[str]:
     return notes
 
 
-def maps_seen(context: WorkflowContext) -> MapInventory:
-    """Return all known maps without reading a file; a note counts unread ones."""
+def inventory_of_read_maps(context: WorkflowContext) -> MapInventory:
+    """Return all known maps without reading a file; a note counts unread maps."""
     seen = SeenFiles(context.workspace.database)
     notes: list[str] = []
     unread = 0
@@ -109,7 +109,7 @@ def _whole_inventory(context: WorkflowContext, notes: list[str]) -> MapInventory
         if not entry.facts.cut_of:
             imported.append(entry)
     more = len(notes) - _SHOWN_NOTES
-    shown = notes if more <= 0 else [*notes[:_SHOWN_NOTES], f"{more} more map files were skipped"]
+    shown = notes if more <= 0 else [*notes[:_SHOWN_NOTES], f"{counted(more, 'more map file')} skipped"]
     return MapInventory((*imported, *built_in_maps()), tuple(shown))
 
 
@@ -143,7 +143,7 @@ def _skipped_note(path: Path, file: SeenFile) -> str:
 
 
 async def _import_folder(context: WorkflowContext, seen: SeenFiles, folder: Path) -> list[str]:
-    """Import the maps of a folder; return notes on skipped and unfinished ones."""
+    """Import the maps of a folder; return notes on skipped and unfinished maps."""
     paths, notes = _files(folder)
     for path in paths:
         try:
@@ -181,7 +181,7 @@ async def import_map(
     A job splits a binary extract that is too large to read in one piece into tiles. The call waits for it, and returns
     the job if it has not finished by then or failed.
     """
-    known = KnownAs(name, country)
+    known = StatedPlace(name, country)
     if is_large(path):
         return await _as_extract(context, path, known, wait_s)
     with context.workspace.scratch() as folder:
@@ -194,7 +194,7 @@ async def import_map(
     return _item(path, artifact, lost, reused=before is not None)
 
 
-async def _as_extract(context: WorkflowContext, path: Path, known: KnownAs, wait_s: float) -> ImportedItem | Job:
+async def _as_extract(context: WorkflowContext, path: Path, known: StatedPlace, wait_s: float) -> ImportedItem | Job:
     newest = {artifact.artifact_id for artifact in context.workspace.newest(kind="map", limit=_MOST_MAPS)}
     job = await context.wait_for(start_indexing(context, path, known).job_id, wait_s)
     if job.state != "done":

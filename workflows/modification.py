@@ -153,7 +153,7 @@ async def modified_once(arguments: ModifyScenarioArguments, context: WorkflowCon
 
 
 def _traffic(arguments: ModifyScenarioArguments, given: Artifact) -> TrafficAfterEdits:
-    """Return the requested traffic, or that of earlier edits."""
+    """Return the requested traffic, or the traffic of earlier edits."""
     if "traffic" in arguments.model_fields_set or given.recipe.tool != _TOOL:
         return arguments.traffic
     return "reactive" if given.recipe.arguments.get("traffic") == "reactive" else "recorded"

@@ -13,7 +13,7 @@ def check_offset(offset: int, total: int, what: str, page: int) -> None:
         page: the number of entries on a page.
 
     Raises:
-        InvalidRequest: all entries are skipped; suggests the last page.
+        InvalidRequest: all entries are skipped; the error suggests the last page.
     """
     if 0 < total <= offset:
         raise InvalidRequest(

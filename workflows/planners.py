@@ -2,7 +2,7 @@
 
 from typing import get_args
 
-from ..engine.planners import check_modes, known_planner, planner_names, refused_planners
+from ..engine.planners import check_modes, check_world, known_planner, planner_names, refused_planners
 from ..engine.tuning import (
     PlannerTuning,
     changed_configuration,
@@ -32,6 +32,7 @@ from ..schemas.planning import (
 )
 from ..schemas.runs import Prediction
 from ..schemas.text import shown_name
+from ..schemas.worlds import PERFECT, world_of
 from .configurations import made_configurations, resolve_configuration, store_configuration
 from .context import WorkflowContext
 from .runs import Cell, answer_of, run_cell, run_many
@@ -45,15 +46,16 @@ async def list_planners(arguments: ListPlannersArguments, context: WorkflowConte
         if arguments.config_id:
             raise InvalidRequest(
                 f"{configuration.config_id} is a configuration of {configuration.planner}, not of {arguments.planner}",
-                next_step="give planner or config_id",
+                next_step="give either planner or config_id, not both",
             )
         configuration = resolve_configuration(arguments.planner, context)
+    is_chosen = bool(arguments.planner or arguments.config_id)
     tuning = tuning_of(configuration.planner)
     made = made_configurations(context, LISTED_CONFIGURATIONS)
     return ListPlannersResult(
         planners=(
-            *(_listed(name) for name in planner_names()),
-            *(PlannerInfo(name="refused", summary=why, presets=()) for why in refused_planners()),
+            *(_listed(name) for name in ([configuration.planner] if is_chosen else planner_names())),
+            *(PlannerInfo(name="refused", summary=why, presets=()) for why in refused_planners() if not is_chosen),
         ),
         predictions=get_args(Prediction),
         config_id=configuration.config_id,
@@ -78,7 +80,10 @@ async def list_planners(arguments: ListPlannersArguments, context: WorkflowConte
 async def configure_planner(arguments: ConfigurePlannerArguments, context: WorkflowContext) -> ConfigurePlannerResult:
     """Return a new configuration from a preset and changes of weights."""
     base = resolve_configuration(arguments.base, context)
+    left_out: tuple[str, ...] = ()
     if arguments.planner is not None and known_planner(arguments.planner) != base.planner:
+        if "base" in arguments.model_fields_set:
+            left_out = (f"base {base.config_id} is not used, because it is a configuration of {base.planner}",)
         base = resolve_configuration(arguments.planner, context)
     made, notes = changed_configuration(base, arguments.preset, arguments.weights, arguments.settings)
     known = context.workspace.find("config", made.config_id) is not None
@@ -105,7 +110,7 @@ async def configure_planner(arguments: ConfigurePlannerArguments, context: Workf
         base=base.config_id,
         against=shown_name(reference.name),
         changes=differences(reference, stored),
-        notes=notes,
+        notes=(*left_out, *notes),
         yaml=to_yaml(stored),
         reused=known,
     )
@@ -114,25 +119,29 @@ async def configure_planner(arguments: ConfigurePlannerArguments, context: Workf
 async def run_planner(arguments: RunPlannerArguments, context: WorkflowContext) -> RunPlannerResult:
     """Return one run directly, or several as a job that this call waits for."""
     faults, configurations = Faults(), dict[str, PlannerConfiguration]()
+    world = PERFECT
     with faults.collecting():
-        check_modes(arguments.traffic, arguments.prediction)
+        world = world_of(arguments.world)
+    with faults.collecting():
+        check_modes(arguments.traffic, arguments.prediction, world)
     with faults.collecting():
         choice = choose_scenarios(arguments.scenarios, context)
     for text in arguments.configs:
         with faults.collecting():
             configuration = resolve_configuration(text, context)
             configurations[configuration.config_id] = configuration
+            check_world(configuration.planner, world)
     faults.raise_all()
     for configuration in configurations.values():
         store_configuration(context, configuration)
-    modes = (arguments.prediction, arguments.traffic, arguments.seed)
+    modes = (arguments.prediction, arguments.traffic, arguments.seed, world)
     cells = [
         Cell(chosen.scenario_id, chosen.problem_id, configuration, *modes)
         for configuration in configurations.values()
         for chosen in choice.scenarios
     ]
     if len(cells) == 1:
-        result = await run_cell(context, cells[0], tell_client=True)
+        result = await run_cell(context, cells[0], notify_client=True)
         made = [result.record.run_id] if result.record is not None else []
         context.made("run", *made)
         return await answer_of(context, cells, [result], batch_id=None, notes=choice.notes)
@@ -140,7 +149,7 @@ async def run_planner(arguments: RunPlannerArguments, context: WorkflowContext) 
 
 
 def _listed(name: str) -> PlannerInfo:
-    """Return a planner's entry; an external one that cannot be imported says so."""
+    """Return a planner's entry; the entry of an external planner that cannot be imported says so."""
     try:
         tuning = tuning_of(name)
     except PlannerFailure as error:

@@ -63,8 +63,8 @@ async def render(arguments: RenderArguments, context: WorkflowContext) -> Drawin
     """Draw scenarios, runs, batches, a study or a map of a boundary.
 
     Raises:
-        UnknownName: an unknown id.
-        InvalidRequest: an artifact that cannot be drawn.
+        UnknownName: an id is unknown.
+        InvalidRequest: an artifact cannot be drawn.
         NotPossible: the kind of picture needs data that these artifacts do not have.
     """
     study, boundary = _study(arguments.ids, context), _boundary(arguments.ids, context)
@@ -127,7 +127,7 @@ def named_artifact(word: str, context: WorkflowContext) -> Artifact:
     ``latest`` is the last scenario, run or batch; ``current`` is the current configuration.
 
     Raises:
-        UnknownName: an unknown name, or there is nothing yet.
+        UnknownName: the name is unknown, or there is nothing yet.
     """
     open_catalogue(context.workspace, with_starter=context.services.with_starter)
     if word == "latest":
@@ -222,7 +222,7 @@ async def make_view(words: Sequence[str], context: WorkflowContext, *, whole: bo
 
     Raises:
         InvalidRequest: no view shows these artifacts, or not together.
-        UnknownName: an unknown name.
+        UnknownName: a name is unknown.
         NotPossible: the view would be too large, or it has no run.
     """
     faults, artifacts = Faults(), list[Artifact]()
@@ -277,7 +277,7 @@ def _view_request(artifacts: Sequence[Artifact], context: WorkflowContext, *, wh
 
 
 def _view_kind(artifacts: Sequence[Artifact]) -> ViewKind | None:
-    """Return the view that shows some artifacts together, or None if no view does."""
+    """Return the kind of view that shows the artifacts together, or None if no view does."""
     kinds = {artifact.kind for artifact in artifacts}
     if kinds <= {"scenario", "run"} and 1 <= len(artifacts) <= MOST_PANES:
         return "player"
@@ -326,6 +326,7 @@ async def _replayed(
         traffic=record.traffic,
         seed=record.seed,
         planner_version=driven_by,
+        world=record.world,
     )
     return await context.run(REPLAY_PLANS, ReplayRequest(run=run, steps_path=steps_path, path=str(path)))
 

@@ -73,8 +73,8 @@ def choose_results(words: Sequence[str], context: WorkflowContext) -> tuple[Chos
     """Resolve words and ids, each result once.
 
     Raises:
-        UnknownName: an unknown name, or no such run or batch yet.
-        InvalidRequest: the id of something that is not a result.
+        UnknownName: a name is unknown, or there is no such run or batch yet.
+        InvalidRequest: an id belongs to something that is not a result.
     """
     faults, chosen = Faults(), dict[str, ChosenResult]()
     for word in words:
@@ -96,11 +96,11 @@ def _proposing_others(others: Sequence[str]) -> Iterator[None]:
 
 
 def result_named(word: str, context: WorkflowContext) -> Artifact:
-    """Return the run or batch with an id, or the client's latest one that a word refers to (``WORDS``).
+    """Return the run or batch with an id, or the client's latest result that a word refers to (``WORDS``).
 
     Raises:
-        UnknownName: an unknown name, or no such run or batch yet.
-        InvalidRequest: the id of something that is not a result.
+        UnknownName: the name is unknown, or there is no such run or batch yet.
+        InvalidRequest: the id belongs to something that is not a result.
     """
     if word == "latest":
         newest = context.newest("run", "batch")
@@ -116,13 +116,13 @@ def result_named(word: str, context: WorkflowContext) -> Artifact:
         known = (*context.newest("batch", count=4), *context.newest("run", count=4))
         there = [artifact.artifact_id for artifact in known]
         raise UnknownName(f"there is no {word.replace('_', ' ')}", valid=there, next_step="call run_planner")
-    kind = context.workspace.kind_of(word)
+    kind = context.workspace.kind_of(word, "run", "batch")
     if kind not in ("run", "batch"):
         made = [one for made in ("run", "batch") for one in context.workspace.newest(kind=made, parent=word, limit=1)]
         raise InvalidRequest(
             f"'{word}' is a {kind}, not a run or batch",
             valid=[*(one.artifact_id for one in made), *WORDS],
-            next_step="use the run or batch id that run_planner returned",
+            next_step="render it with kind search" if kind == "study" else "use the run or batch id of run_planner",
             remedies=[
                 *(instead(word, one.artifact_id, "results") for one in made),
                 *([calling("run_planner", scenarios=[word])] if kind == "scenario" else []),
@@ -163,7 +163,7 @@ def run_record(artifact: Artifact) -> RunRecord:
 
 
 def _cited_words(record: RunRecord, imported: bool) -> RunRecord:
-    """Return a record as answers print it, with names of another form cited.
+    """Return a record as answers print it; names that do not have the form of a name are cited.
 
     An archive's description of how a run ended is its maker's text, so all of it is cited.
     """
@@ -227,7 +227,7 @@ def _look_path(run_id: str, context: WorkflowContext) -> Path:
 
 
 def _kept_look(run_id: str, context: WorkflowContext) -> RunLook | None:
-    """Return the stored look at a run, or None if there is no look or it cannot be read."""
+    """Return the stored review of a run, or None if there is no review or it cannot be read."""
     try:
         return RunLook.model_validate_json(_look_path(run_id, context).read_bytes())
     except (OSError, ValueError):
@@ -235,7 +235,7 @@ def _kept_look(run_id: str, context: WorkflowContext) -> RunLook | None:
 
 
 def keep_look(run_id: str, look: RunLook, context: WorkflowContext) -> None:
-    """Store a look at a run for later analyses. If the disk is full, it is computed again."""
+    """Store the review of a run for later analyses. If the disk is full, the review is computed again."""
     path = _look_path(run_id, context)
     with context.workspace.scratch() as folder, suppress(OSError):
         made = folder / path.name
@@ -267,7 +267,7 @@ def config_weights(runs: Iterable[RunSource], context: WorkflowContext) -> tuple
 
 
 def _default_weights(planner: str) -> dict[str, float] | None:
-    """Return the weights of a planner's Default preset, or None if it is no longer installed."""
+    """Return the weights of a planner's Default preset by name, or None if it is no longer installed."""
     try:
         return dict(preset_configuration(planner).weights)
     except (UnknownName, PlannerFailure):
@@ -283,7 +283,7 @@ def _parameters(planner: str) -> tuple[str, ...]:
 
 
 def _terms(planner: str) -> dict[str, str]:
-    """Return cost terms that differ in name from their weight; empty if the planner is no longer installed."""
+    """Return, by weight, the cost terms with a name of their own; empty if the planner is no longer installed."""
     try:
         return {name: weight.term for name, weight in tuning_of(planner).weights.items() if weight.term}
     except (UnknownName, PlannerFailure):

@@ -7,7 +7,7 @@ runs, so that overlapping batches and servers do not run it twice.
 import logging
 import math
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -43,6 +43,7 @@ from ..schemas.runs import (
 )
 from ..schemas.scenarios import ScenarioRecord
 from ..schemas.text import counted, shown_name
+from ..schemas.worlds import PERFECT, World
 from .configurations import resolve_configuration
 from .context import Question, WorkflowContext
 from .operations import REVIEW_RUNS, RUN_PLANNER
@@ -69,10 +70,11 @@ class Cell:
     prediction: Prediction = "constant_velocity"
     traffic: Traffic = "recorded"
     seed: int = 0
+    world: World = PERFECT
 
     @property
     def scenario(self) -> str:
-        """The scenario as written in a call."""
+        """The scenario in the notation of a call: its id, with ``#`` and the planning problem if one is given."""
         return self.scenario_id if self.problem_id is None else f"{self.scenario_id}#{self.problem_id}"
 
     def recipe(self) -> Recipe:
@@ -87,6 +89,7 @@ class Cell:
                 "config": self.configuration.config_id,
                 "prediction": self.prediction,
                 "traffic": self.traffic,
+                **_world_argument(self.world),
             },
             parents=(self.scenario_id, self.configuration.config_id),
             seed=self.seed,
@@ -100,6 +103,11 @@ class Cell:
         return version_key(self.configuration.planner)
 
 
+def _world_argument(world: World) -> dict[str, dict[str, float]]:
+    """Return the recipe's argument for a world; empty for a perfect one, so that ids from before worlds stay valid."""
+    return {} if world.is_perfect else {"world": world.stated}
+
+
 @dataclass(frozen=True)
 class CellResult:
     """A finished cell: its run, or its error; ``reused`` if the run was already stored."""
@@ -109,14 +117,14 @@ class CellResult:
     reused: bool = False
 
 
-async def run_cell(context: WorkflowContext, cell: Cell, *, tell_client: bool = False) -> CellResult:
+async def run_cell(context: WorkflowContext, cell: Cell, *, notify_client: bool = False) -> CellResult:
     """Return the run of a cell: a stored one, or a new one, possibly from another call or server.
 
     Raises:
         PlannerForgeError: the scenario cannot be read, or the worker died or exceeded its time limit.
     """
     while True:
-        result = await _attempt(context, cell, tell_client=tell_client)
+        result = await _attempt(context, cell, notify_client=notify_client)
         if result is not None:
             return result
         await anyio.sleep(_CLAIM_POLL_S)
@@ -152,7 +160,7 @@ async def run_grid(
 
 async def _isolated(context: WorkflowContext, cell: Cell) -> CellResult | None:
     try:
-        return await _attempt(context, cell, tell_client=False)
+        return await _attempt(context, cell, notify_client=False)
     except PlannerForgeError as error:
         if isinstance(error, UnexpectedFailure):
             logger.error("incident %s in the run of %s:\n%s", error.incident, cell.scenario, error.details)  # noqa: TRY400
@@ -160,8 +168,8 @@ async def _isolated(context: WorkflowContext, cell: Cell) -> CellResult | None:
         return CellResult(None, lost)
 
 
-async def _attempt(context: WorkflowContext, cell: Cell, *, tell_client: bool) -> CellResult | None:
-    """Return the cell's run, or None if another call or server is making it."""
+async def _attempt(context: WorkflowContext, cell: Cell, *, notify_client: bool) -> CellResult | None:
+    """Return the cell's run, or None if another call or server is making this run."""
     recipe = cell.recipe()
     stored = context.workspace.find_by_recipe("run", recipe)
     if stored is not None:
@@ -172,10 +180,10 @@ async def _attempt(context: WorkflowContext, cell: Cell, *, tell_client: bool) -
         stored = context.workspace.find_by_recipe("run", recipe)  # another call may have stored it before the claim
         if stored is not None:
             return CellResult(stored.read(RunRecord), reused=True)
-        return await _made(context, cell, recipe, tell_client=tell_client)
+        return await _made(context, cell, recipe, notify_client=notify_client)
 
 
-async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, tell_client: bool) -> CellResult:
+async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, notify_client: bool) -> CellResult:
     request = RunRequest(
         run_id=f"run_{recipe.digest}",
         scenario_path=str(context.workspace.file("scenario", cell.scenario_id, "scenario.xml")),
@@ -186,8 +194,9 @@ async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, tell_cl
         traffic=cell.traffic,
         seed=cell.seed,
         planner_version=recipe.versions.get(cell.own_planner, ""),
+        world=cell.world,
     )
-    run = context.run if tell_client else context.services.workers.run
+    run = context.run if notify_client else context.services.workers.run
     response = await run(RUN_PLANNER, request)
     with context.workspace.scratch() as folder:
         files = {"steps.json": response.steps.model_dump_json(), "timing.json": response.timing.model_dump_json()}
@@ -211,7 +220,7 @@ async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, tell_cl
 async def resume_run(run_id: str, time_s: float, planner: str, context: WorkflowContext) -> RunResponse:
     """Continue a stored run from one of its times with another configuration; nothing is stored.
 
-    The ego starts in its driven state at that time. The others follow their recordings.
+    The ego starts in its driven state at that time. The other road users follow their recordings.
 
     Args:
         run_id: the stored run.
@@ -220,9 +229,9 @@ async def resume_run(run_id: str, time_s: float, planner: str, context: Workflow
         context: the resources of the workflow.
 
     Raises:
-        UnknownName: an unknown run or configuration.
+        UnknownName: the run or the configuration is unknown.
         InvalidRequest: the run has no state at this time.
-        NotPossible: its traffic was reactive, so the others are not on their recordings at that time.
+        NotPossible: its traffic was reactive, so the other road users are not on their recordings at that time.
     """
     record = context.workspace.get(run_id, "run").read(RunRecord)
     if record.traffic == "reactive":
@@ -246,6 +255,7 @@ async def resume_run(run_id: str, time_s: float, planner: str, context: Workflow
         configuration=resolve_configuration(planner, context),
         prediction=record.prediction,
         seed=record.seed,
+        world=record.world,
         begins_at=RunMoment(
             step=steps.first_step + index,
             x_m=steps.x_m[index],
@@ -267,7 +277,7 @@ async def run_many(
     stored = context.workspace.find_by_recipe("batch", recipe)
     if stored is not None:
         batch = stored.read(BatchRecord)
-        _take_note(context, batch)
+        _mark_latest(context, batch)
         results = [_stored(context, run_id) for run_id in batch.runs]
         return await answer_of(context, cells, results, batch_id=batch.batch_id, notes=notes)
 
@@ -286,7 +296,7 @@ async def run_many(
 
         results = await run_grid(context, cells, on_done)
         batch = store_batch(context, cells, results)
-        _take_note(context, batch)
+        _mark_latest(context, batch)
         progress.add_result(batch.batch_id)
 
     job = context.start_job("batch", recipe, work)
@@ -295,7 +305,7 @@ async def run_many(
     batch_id = next((key for key in job.results if key.startswith("batch_")), None)
     if batch_id is not None:
         record = context.workspace.get(batch_id, "batch").read(BatchRecord)
-        _take_note(context, record)
+        _mark_latest(context, record)
         lost = [CellResult(None, cell) for cell in record.lost]
         reused = {r.record.run_id for r in finished if r.record is not None and r.reused}
         results = [_stored(context, run_id, reused=run_id in reused) for run_id in record.runs] + lost
@@ -306,7 +316,7 @@ async def run_many(
 
 
 async def _confirm(context: WorkflowContext, runs: int) -> None:
-    """Ask the user before very many runs; if the client cannot ask, or no answer comes, run them.
+    """Ask the user before very many runs; if the client cannot ask, or no answer comes, the runs go ahead.
 
     Raises:
         NotPossible: the user declines.
@@ -322,7 +332,7 @@ async def _confirm(context: WorkflowContext, runs: int) -> None:
 
 
 def own_share(finished: Sequence[CellResult], known: int, total: int) -> float:
-    """Return the share done of the runs that were not stored before, since stored ones do not predict the rest."""
+    """Return the share done of the runs that were not stored before, since stored runs do not predict the rest."""
     reused = sum(result.reused for result in finished)
     return (len(finished) - min(reused, known)) / max(total - known, 1)
 
@@ -336,6 +346,7 @@ def _batch_recipe(cells: Sequence[Cell], lost: Sequence[str] = ()) -> Recipe:
         "configs": configs,
         "prediction": cells[0].prediction,
         "traffic": cells[0].traffic,
+        **_world_argument(cells[0].world),
     }
     return Recipe(
         tool="run_planner",
@@ -347,19 +358,19 @@ def _batch_recipe(cells: Sequence[Cell], lost: Sequence[str] = ()) -> Recipe:
 
 
 def _versions(cells: Sequence[Cell]) -> dict[str, str]:
-    """Return the versions that the runs of a grid depend on, including those of all planners."""
+    """Return the versions, by name, that the runs of a grid depend on, including those of all planners."""
     first = {cell.configuration.planner: cell for cell in reversed(cells)}
     return {name: version for cell in first.values() for name, version in cell.recipe().versions.items()}
 
 
 def own_versions(planners: Iterable[str]) -> dict[str, str]:
-    """Return the source digests of external planners for recipes."""
+    """Return the source digests of external planners, by their keys in recipes."""
     known = {version_key(name): planner_version(name) for name in planners}
     return {name: version for name, version in known.items() if version}
 
 
-def _take_note(context: WorkflowContext, batch: BatchRecord) -> None:
-    """Make a batch and its runs the client's latest ones."""
+def _mark_latest(context: WorkflowContext, batch: BatchRecord) -> None:
+    """Make a batch and its runs the client's latest batch and runs."""
     context.made("run", *batch.runs)
     context.made("batch", batch.batch_id)
 
@@ -374,6 +385,7 @@ def store_batch(context: WorkflowContext, cells: Sequence[Cell], results: Sequen
         configs=tuple(recipe.arguments["configs"]),
         prediction=cells[0].prediction,
         traffic=cells[0].traffic,
+        world=cells[0].world,
         runs=tuple(result.record.run_id for result in results if result.record is not None),
         lost=lost,
     )
@@ -432,6 +444,7 @@ def answer(
         reused=sum(result.reused for result in results),
         prediction=cells[0].prediction,
         traffic=cells[0].traffic,
+        world=cells[0].world.in_words(),
         batch_id=batch_id,
         job_id=job_id,
         summary=_summary(records),
@@ -459,7 +472,7 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
     if lengths_m := sorted(record.eased_over_m for record in records if record.eased_over_m is not None):
         span = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
         eased = "" if len(records) == 1 else f" in {counted(len(lengths_m), 'run')}"
-        yield f"the ego starts off its lane's centre{eased} and joins it within {span}"
+        yield f"the ego does not start on its lane's centre line{eased}, but reaches it within {span}"
     for name in sorted({record.ego_class for record in records} - {"car"}):
         count = sum(record.ego_class == name for record in records)
         known, where = ego_class(name), "" if count == len(records) else f" in {counted(count, 'run')}"
@@ -509,13 +522,19 @@ def _line(record: RunRecord, reviews: Mapping[str, RunReview]) -> RunLine:
     )
 
 
+def after_batch(batch_id: str, config_ids: Collection[str]) -> str:
+    """Return the next step after a batch; only several configurations can be compared."""
+    compare = " or compare_results" if len(config_ids) > 1 else ""
+    return f"analyze_results{compare} with results ['{batch_id}']"
+
+
 def _next_step(records: Sequence[RunRecord], batch_id: str | None, job_id: str | None, state: JobState) -> str:
     if state == "running":
         return f"get_job with job_id '{job_id}'"
     if state != "done":
         return "repeat run_planner: finished runs are reused"
     if batch_id:
-        return f"analyze_results or compare_results with results ['{batch_id}']"
+        return after_batch(batch_id, {record.config_id for record in records})
     if not records:
         return "correct the error, then repeat run_planner"
     run = records[0]

@@ -11,11 +11,11 @@ from pathlib import Path
 import anyio
 from anyio.streams.memory import MemoryObjectReceiveStream, MemoryObjectSendStream
 
-from ..engine.catalog import ReadFile, ScenarioIntake, net_beside, put_scenario
+from ..engine.catalog import ReadFile, ScenarioIntake, exported_net, put_scenario
 from ..engine.maps import unpacked
 from ..engine.workspace import Artifact, Recipe, content_digest
 from ..schemas.artifacts import ImportedItem
-from ..schemas.errors import PlannerForgeError, WorkerFailure, WorkerTimeout, as_told
+from ..schemas.errors import PlannerForgeError, WorkerFailure, WorkerTimeout, error_to_report
 from ..schemas.scenarios import Origin, ReadFactsRequest, ScenarioFacts
 from ..schemas.vocabulary import CIRCUMSTANCES
 from .context import WorkflowContext
@@ -34,13 +34,13 @@ async def store_scenario(
     net: Path | None,
     recipe: Recipe,
     origin: Origin,
-    beside: Mapping[str, Path] | None = None,
+    extra_files: Mapping[str, Path] | None = None,
     circumstances: Iterable[str] = (),
 ) -> Artifact:
     """Store a CommonRoad file, with the SUMO network that it came from if there is one.
 
     Args:
-        beside: further files of the artifact by name, such as the report of its generation.
+        extra_files: further files of the artifact by name, such as the report of its generation.
         circumstances: weather and time of day that the file does not state.
 
     Raises:
@@ -50,7 +50,9 @@ async def store_scenario(
     facts = await context.run(READ_FACTS, ReadFactsRequest(path=xml))
     present = {*facts.circumstances, *circumstances}
     facts = facts.model_copy(update={"circumstances": tuple(word for word in CIRCUMSTANCES if word in present)})
-    return put_scenario(context.workspace, facts, xml=xml, net=net, recipe=recipe, origin=origin, beside=beside)
+    return put_scenario(
+        context.workspace, facts, xml=xml, net=net, recipe=recipe, origin=origin, extra_files=extra_files
+    )
 
 
 async def import_scenarios(context: WorkflowContext, paths: Sequence[Path], on_done: _OnDone) -> None:
@@ -94,10 +96,10 @@ async def _read(
         content = await anyio.to_thread.run_sync(content_digest, plain)
         if intake.knows(content):
             return ReadFile(path, content, None)
-        net = net_beside(path)
+        net = exported_net(path)
         return ReadFile(path, content, await _facts(context, plain, context.allowed_path(str(net)) if net else None))
     except Exception as raised:  # noqa: BLE001 - the boundary of a file: it becomes the refusal of this one
-        return as_told(raised, f"import of scenario {path.name}")
+        return error_to_report(raised, f"import of scenario {path.name}")
 
 
 async def _facts(context: WorkflowContext, path: Path, net: Path | None) -> ScenarioFacts:
@@ -137,6 +139,6 @@ async def _store_in_order(
 
 
 def _received(receive: MemoryObjectReceiveStream[_Outcome]) -> Iterator[_Outcome]:
-    """Yield what has arrived, without waiting for more."""
+    """Yield the outcomes that have arrived, without waiting for more."""
     while receive.statistics().current_buffer_used:
         yield receive.receive_nowait()

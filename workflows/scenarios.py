@@ -21,7 +21,7 @@ from ..schemas.scenarios import (
     ScenarioFacts,
     ScenarioRecord,
 )
-from ..schemas.text import shown_name
+from ..schemas.text import counted, shown_name
 from .context import WorkflowContext
 from .generation.record import described_generation, kept_report, with_classes
 from .operations import DESCRIBE_SCENARIO
@@ -89,7 +89,7 @@ async def describe_scenario(arguments: DescribeScenarioArguments, context: Workf
 
 
 def _other_problems(facts: ScenarioFacts, problem_id: int | None) -> tuple[int, ...]:
-    """Return a file's planning problems other than the described one; None means the first."""
+    """Return a file's planning problems other than the described problem; None means the first."""
     known = [ego.problem_id for ego in facts.egos]
     shown = known[0] if problem_id is None and known else problem_id
     return tuple(key for key in known if key != shown)
@@ -120,8 +120,8 @@ def choose_scenarios(words: Sequence[str], context: WorkflowContext) -> _Choice:
 
     Raises:
         UnknownName: there are unknown scenarios, planning problems, searches or stages; all are reported together.
-        InvalidRequest: ``preset:`` without a number from 1 to 500.
-        NotPossible: a search without hits, or no scenario that can run.
+        InvalidRequest: ``preset:`` is not followed by a number from 1 to 500.
+        NotPossible: a search has no hits, or no scenario can run.
     """
     open_catalogue(context.workspace, with_starter=context.services.with_starter)
     chosen: dict[ChosenScenario, None] = {}
@@ -150,7 +150,7 @@ def _resolve_word(word: str, context: WorkflowContext) -> tuple[list[ChosenScena
 
 
 def planned_scenarios(word: str, context: WorkflowContext) -> tuple[str, ...]:
-    """Return the scenarios of a coverage plan so far, in the plan's order; ``plan_latest`` is the client's last one.
+    """Return the scenarios of a coverage plan so far, in the plan's order; ``plan_latest`` is the client's last plan.
 
     Raises:
         UnknownName: there is no such plan.
@@ -168,13 +168,15 @@ def _preset(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], 
     number = word.removeprefix("preset:")
     if not re.fullmatch(r"\d+", number) or not 1 <= int(number) <= _LARGEST_PRESET:
         raise InvalidRequest(
-            f"'{word}' has no valid size", valid=[f"preset:{size}" for size in _PRESET_SIZES], given=word
+            f"'{word}' is not preset:N with N from 1 to {_LARGEST_PRESET}",
+            valid=[f"preset:{size}" for size in _PRESET_SIZES],
+            given=word,
         )
     stored = context.workspace.newest(kind="scenario", limit=100_000)
     runnable = [artifact.artifact_id for artifact in stored if artifact.read(ScenarioRecord).facts.egos]
     ordered = sorted(runnable, key=lambda key: hashlib.sha256(key.encode()).hexdigest())
     chosen = [ChosenScenario(key) for key in ordered[: int(number)]]
-    notes = [f"{word}: only {len(chosen)} scenarios with a planning problem exist"]
+    notes = [f"{word}: only {counted(len(chosen), 'scenario')} with a planning problem"]
     return chosen, notes if len(chosen) < int(number) else []
 
 
@@ -185,7 +187,9 @@ def _hits(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], li
     ids, notes = _stage_hits(search, stage, context) if mark else (_all_hits(search, context), [])
     if not ids:
         left = [f"{name}:{count.stage}" for count in search.read(SearchRecord).stages if count.left]
-        raise NotPossible(f"{word} has no hits", valid=left, next_step="relax the search with find_scenarios")
+        raise NotPossible(
+            f"{search.artifact_id} has no hits", valid=left, next_step="relax the search with find_scenarios"
+        )
     return [_entry(key) for key in ids], notes
 
 
@@ -245,8 +249,8 @@ def opened_search(arguments: FindScenariosArguments, context: WorkflowContext) -
     """Return a search of the workspace's catalogue, using the cached index.
 
     Raises:
-        UnknownName: a word outside the vocabularies.
-        InvalidRequest: a malformed condition.
+        UnknownName: a word is outside the vocabularies.
+        InvalidRequest: a condition is malformed.
     """
     database = context.workspace.database
     return Search(database.connection(), arguments, searched_within(arguments.within, context), database.kept(Postings))

@@ -1,1 +1,1 @@
-"""Chat models: one protocol, and clients of model servers (Ollama, OpenAI-compatible ones)."""
+"""Chat models: one protocol, and clients of model servers (Ollama, OpenAI-compatible servers)."""

@@ -6,9 +6,9 @@ defines the fields). Output of its libraries goes to standard error. This file i
 The driver works around limits of CriMe. Given both velocity components, as in trajectories of files, CriMe takes the
 speed for the x component, so the driver omits the components. CriMe measures speeds along a lanelet by the angle to the
 x axis, adds half a length to both coordinates, treats an angle of 0 as missing, and averages angles around 0 wrongly.
-The driver therefore turns each situation until the lane is 1° off that axis, and shortens the bodies by what this adds
-to half a length. It sets the accelerations that CriMe derives to 0 if our measure assumes constant speed. Values keep
-CriMe's rounding.
+The driver therefore turns each situation until the lane is 1° off that axis, and shortens the bodies by the amount that
+this adds to half a length. It sets the accelerations that CriMe derives to 0 if our measure assumes constant speed.
+Values keep CriMe's rounding.
 """
 
 import copy

@@ -1,9 +1,9 @@
 """The expected fields of an analysis or comparison, recomputed from the runs of a batch.
 
 ``Expected`` builds content in the form of an answer with the figures that ``recomputed`` derives from records, steps
-and scenario files. ``Tally`` compares both. Three things come from the answers about single runs instead: how a
-collision came about, where an ego stood or braked, and the encounters of a run (judged by ``causes`` and
-``loop.standing``), as well as the degree of a rule violation (``rules``).
+and scenario files. ``Tally`` compares both. Four things come from the answers about single runs instead: how a
+collision came about, where an ego stood or braked, the encounters of a run, and the degree of a rule violation.
+``causes``, ``loop.standing`` and ``rules`` judge them.
 """
 
 import math

@@ -143,7 +143,7 @@ def _states_a_difference(result: CompareResultsResult) -> bool:
     """Return True if the headline states a difference, as a reader would understand it."""
     comparison = result.comparisons[0]
     is_shown = comparison.headline_code in ("better", "worse", "mixed")
-    return is_shown or "Differs after" in comparison.verdict or any(one.better for one in comparison.metrics)
+    return is_shown or "these metrics differ" in comparison.verdict or any(one.better for one in comparison.metrics)
 
 
 def _naive_p(result: CompareResultsResult) -> float:

@@ -1,10 +1,15 @@
 """Tests findings on batches with one planted cause of failure, and on batches without one.
 
 A batch has 24 scenarios of a straight road with one run each; one run in ten fails for no reason. Each of five causes
-is planted in six batches: a weight of zero (a third of the runs fail accordingly), a blind predictor (others turn into
-the ego's path within a second), a harder class of scenarios (those with a truck fail three times out of four), a slower
-leader in a third of the scenarios, and a goal that is too far for its time in a third. The drives follow closed forms,
-and the product sees records, steps and CommonRoad files as of any run.
+is planted in six batches:
+
+- a weight of zero: a third of the runs fail accordingly,
+- a blind predictor: others turn into the ego's path within a second,
+- a harder class of scenarios: those with a truck fail three times out of four,
+- a slower leader in a third of the scenarios,
+- a goal that is too far for its time in a third.
+
+The drives follow closed forms, and the product sees records, steps and CommonRoad files as of any run.
 
 Keys:
 
@@ -51,7 +56,7 @@ Cause = str
 
 @dataclass
 class _Run:
-    """A run that is to be written: how the ego and one other drove, how it ended, and the scenario about it."""
+    """A run to write: how the ego and one other drove, how it ended, and its scenario."""
 
     outcome: Outcome = "goal_reached"
     speed_mps: float = 10.0

@@ -25,7 +25,7 @@ from plannerforge.schemas.runs import RunRecord
 from plannerforge.server.assembly import create_server
 
 from ..harness import Figures, SeededBench, settings_for
-from ..told_figures import agrees, figures_in
+from ..stated_figures import agrees, figures_in
 from .public_runs import RawRuns, compared_batch, public_batch, public_server, raw_runs
 from .recomputed import Costs, Pairs, correlation, goal, metric
 
@@ -68,7 +68,7 @@ _METRICS = {"distance": "minimum_distance_m", "time": "minimum_time_to_collision
 
 
 @dataclass(frozen=True)
-class Told:
+class GivenAnswer:
     """An answer: its fields and its text."""
 
     fields: Mapping[str, Any]
@@ -154,7 +154,7 @@ async def _measured(bench: SeededBench) -> tuple[int, list[str]]:
             for situation in situations.of(question):
                 answer = await client.call_tool(situation.tool, situation.arguments)
                 text = _text_of(answer)
-                told = Told(answer.structured_content or {}, text)
+                told = GivenAnswer(answer.structured_content or {}, text)
                 lacking = [ask for ask in question.asks if answer.is_error or not situation.holds(ask, told)]
                 if lacking:
                     faults.append(
@@ -173,7 +173,7 @@ class _Situation:
 
     tool: str
     arguments: dict[str, Any]
-    holds: Callable[[str, Told], bool]
+    holds: Callable[[str, GivenAnswer], bool]
 
 
 class Situations:
@@ -190,11 +190,11 @@ class Situations:
         if question.about == "pair":
             return [self._pair(before, after) for before, after in self._chosen_pairs()]
         if question.about == "batches":
-            return [_Situation("compare_results", {"results": [self._raw.batch.batch_id]}, self._batches_hold)]
+            return [_Situation("compare_results", {"results": [self._raw.batch.batch_id]}, self._batches_are_right)]
         detail = next((_DETAIL[ask] for ask in question.asks if ask in _DETAIL), "summary")
         if question.about == "batch":
             of = {"results": [self._raw.batch.batch_id], "where": [f"config={self._first}"], "detail": detail}
-            return [_Situation("analyze_results", of, self._batch_holds)]
+            return [_Situation("analyze_results", of, self._batch_is_right)]
         return [self._run(record, detail) for record in self._chosen_runs(question.about)]
 
     def _chosen_runs(self, about: str) -> list[RunRecord]:
@@ -215,9 +215,9 @@ class Situations:
         arguments: dict[str, Any] = {"results": [record.run_id], "detail": detail}
         if detail == "timeline":
             arguments["where"] = ["time_s={:g}..{:g}".format(*_SPAN)]
-        return _Situation("analyze_results", arguments, lambda ask, told: self._run_holds(record, ask, told))
+        return _Situation("analyze_results", arguments, lambda ask, told: self._run_is_right(record, ask, told))
 
-    def _run_holds(self, record: RunRecord, ask: str, told: Told) -> bool:
+    def _run_is_right(self, record: RunRecord, ask: str, told: GivenAnswer) -> bool:
         (row,) = told.fields["rows"]
         if (row["run_id"], row["outcome"]) != (record.run_id, record.outcome) or record.run_id not in told.text:
             return False
@@ -240,9 +240,9 @@ class Situations:
             end = min(_SPAN[1], len(self._raw.steps[record.run_id].x_m) * record.step_s)
             costs = all(step["largest_cost"] in told.text for step in told.fields["timeline"])
             return bool(times) and _SPAN[0] <= min(times) and max(times) <= end and told.shows(*times) and costs
-        return self._weights_told(ask, self._costs.terms(record), told)
+        return self._weights_are_right(ask, self._costs.terms(record), told)
 
-    def _weights_told(self, ask: str, terms: Mapping[str, float], told: Told) -> bool:
+    def _weights_are_right(self, ask: str, terms: Mapping[str, float], told: GivenAnswer) -> bool:
         if ask == "cost_terms":
             largest = max(terms, key=lambda term: terms[term])
             share = next(one["share"] for one in told.fields["costs"] if one["term"] == largest)
@@ -252,7 +252,7 @@ class Situations:
             return all(one["weight"] in told.text and one["direction"] in told.text for one in suggested)
         raise ValueError(ask)
 
-    def _batch_holds(self, ask: str, told: Told) -> bool:
+    def _batch_is_right(self, ask: str, told: GivenAnswer) -> bool:
         runs = [record for record in self._raw.valid if record.config_id == self._first]
         reached, failed = sum(map(goal, runs)), [record for record in runs if not goal(record)]
         if ask == "success_rate":
@@ -270,7 +270,7 @@ class Situations:
             places = [told.text.find(name) for name in names]
             in_order = -1 not in places and places == sorted(places)
             return in_order and set(names[: len(failed)]) == {record.scenario_id for record in failed}
-        return self._weights_told(ask, self._costs.means(runs), told)
+        return self._weights_are_right(ask, self._costs.means(runs), told)
 
     def _correlated(self) -> Mapping[str, Sequence[float]]:
         kept = tuple(record for record in self._raw.records if record.config_id == self._first)
@@ -278,16 +278,16 @@ class Situations:
 
     def _pair(self, before: RunRecord, after: RunRecord) -> _Situation:
         of = {"results": [before.run_id, after.run_id]}
-        return _Situation("compare_results", of, lambda ask, told: self._pair_holds(before, after, ask, told))
+        return _Situation("compare_results", of, lambda ask, told: self._pair_is_right(before, after, ask, told))
 
-    def _pair_holds(self, before: RunRecord, after: RunRecord, ask: str, told: Told) -> bool:
+    def _pair_is_right(self, before: RunRecord, after: RunRecord, ask: str, told: GivenAnswer) -> bool:
         (comparison,) = told.fields["comparisons"]
         if ask == "success":
             sides = [(one["run_id"], one["outcome"]) for one in comparison["single"]]
             named = all(one.run_id in told.text for one in (before, after))
             return named and sides == [(one.run_id, one.outcome) for one in (before, after)]
         if ask == "safety":
-            return all(self._pair_holds(before, after, other, told) for other in ("distance", "time"))
+            return all(self._pair_is_right(before, after, other, told) for other in ("distance", "time"))
         values = [metric(one, _METRICS[ask]) for one in (before, after)]
         tested = {one["name"]: (one["median_before"], one["median_after"]) for one in comparison["metrics"]}
         if comparison["cost"] is not None:
@@ -296,7 +296,7 @@ class Situations:
             return True
         return all(map(told.has, tested[_METRICS[ask]], values))
 
-    def _batches_hold(self, ask: str, told: Told) -> bool:
+    def _batches_are_right(self, ask: str, told: GivenAnswer) -> bool:
         (comparison,) = told.fields["comparisons"]
         success, count = comparison["success"], self._pairs.count
         won, lost = count(before=False, after=True), count(before=True, after=False)

@@ -94,7 +94,7 @@ class Course:
         shown = there[-1] + 1 if there else 0
         poses = np.array([np.full(4, np.nan) if pose is None else pose for pose in found])
         if 0 < shown < count:
-            poses[shown:] = _gone_on(
+            poses[shown:] = _continued(
                 poses[:shown], count - shown, step_s, _slowing(obstacle, first_step, shown, step_s)
             )
         rows, near = np.full((count, 4), np.nan), None
@@ -142,7 +142,7 @@ def _slowing(obstacle: Any, first_step: int, shown: int, step_s: float) -> float
     return float(slowing) if slowing > BRAKED_MPS2 else 0.0
 
 
-def _gone_on(poses: Array, count: int, step_s: float, slowing: float) -> Array:
+def _continued(poses: Array, count: int, step_s: float, slowing: float) -> Array:
     """Return the poses after the end of a track."""
     x, y, heading, speed = poses[-1]
     rows = []

@@ -1,9 +1,9 @@
 """Checks reported traffic rule violations, their degree and their start on synthetic drives.
 
-The seed draws 12 drives of each of 15 kinds on a crossing built for them: following, cut-ins, hard braking with and
-without a reason, speeding, crossing a solid line, red and yellow lights, stop signs, and crossing traffic from the
-right, from the left, with signs, and oncoming. The truth is arithmetic on the construction of each drive and shares
-nothing with the product.
+The seed draws 12 drives of each of 15 kinds on a crossing built for them. The kinds are following, cut-ins, hard
+braking with and without a reason, speeding, crossing a solid line, red and yellow lights, stop signs, and crossing
+traffic (from the right, from the left, with signs, oncoming). The truth is arithmetic on the construction of each drive
+and shares nothing with the product.
 
 Keys:
 
@@ -390,13 +390,13 @@ def are_rules_reported(case: Case) -> tuple[bool, bool]:
         right = abs(verdict.robustness - least) <= ALIKE and begins == first
     if not right:
         sys.stderr.write(f"{case.rule}: truth {least:.3f} from state {first} on, told {verdict}\n")
-    silent = [one for one in verdicts.values() if one.violated and one.rule != case.rule and one.rule in _BESIDE]
+    silent = [one for one in verdicts.values() if one.violated and one.rule != case.rule and one.rule in _OTHER_RULES]
     for one in silent:
         sys.stderr.write(f"a drive about {case.rule} is told to break {one.in_words()}\n")
     return right, not silent
 
 
-_BESIDE = ("R_G3", "R_L1", "R_IN1", "R_IN2", "R_IN3", "R_IN4", "R_IN5")
+_OTHER_RULES = ("R_G3", "R_L1", "R_IN1", "R_IN2", "R_IN3", "R_IN4", "R_IN5")
 """Rules that a drive about another one cannot break: all but those about leaders and braking."""
 
 

@@ -60,12 +60,12 @@ class Judged:
     steering: float
 
     @property
-    def is_told(self) -> bool:
+    def is_reported(self) -> bool:
         """True if the product reports the motion as beyond the vehicle's limits."""
         return bool(self.record.beyond_vehicle)
 
     @property
-    def is_steering_told(self) -> bool:
+    def is_steering_reported(self) -> bool:
         """True if it reports the steering rate as such."""
         return any(excess.name == "steering rate" for excess in self.record.beyond_vehicle or ())
 
@@ -73,12 +73,12 @@ class Judged:
 def measure(bench: SeededBench) -> Figures:
     """Measure the keys above; a limit restricts the number of scenarios."""
     judged = anyio.run(_judged, bench)
-    drivable = [one for one in judged if not one.is_told]
+    drivable = [one for one in judged if not one.is_reported]
     reached = [one for one in drivable if one.record.outcome == "goal_reached"]
     others = [one for one in drivable if one.record.outcome != "goal_reached"]
     for one in judged:
         wrong = one.verdict != "valid" if one in reached else one.verdict not in ("valid", "feasible")
-        if (wrong and not one.is_told) or one.is_steering_told != (one.steering > 1 + _SAME):
+        if (wrong and not one.is_reported) or one.is_steering_reported != (one.steering > 1 + _SAME):
             told = one.record.beyond_vehicle
             sys.stderr.write(f"{one.record.run_id} {one.record.config_name}: {one.verdict}, {one.steering}, {told}\n")
     return {
@@ -86,8 +86,8 @@ def measure(bench: SeededBench) -> Figures:
         "solutions_judged": len(reached),
         "motions_feasible": share(one.verdict in ("valid", "feasible") for one in others),
         "motions_judged": len(others),
-        "steering_told": share(one.is_steering_told == (one.steering > 1 + _SAME) for one in judged),
-        "solutions_told": sum(one.is_told for one in judged),
+        "steering_told": share(one.is_steering_reported == (one.steering > 1 + _SAME) for one in judged),
+        "solutions_told": sum(one.is_reported for one in judged),
     }
 
 

@@ -3,7 +3,7 @@
 The bench reads answers of ``analyze_results`` on all runs (summary, findings, costs, rows) and on two configurations on
 forty scenarios (by configuration, findings, rules), and of ``compare_results`` on these. It compares the figures of
 their fields with ``expected``, which recomputes them independently. The figures of their text, and of the HTML report
-on the two configurations, must occur in these fields (``told_figures``). No rule depends on the wording.
+on the two configurations, must occur in these fields (``stated_figures``). No rule depends on the wording.
 
 Keys:
 
@@ -28,14 +28,14 @@ from plannerforge.evals.scoring.common import built_in
 from plannerforge.schemas.planning import PlannerConfiguration
 
 from ..harness import Figures, SeededBench, ask
-from ..told_figures import count_of, unknown_in_fields, unknown_in_text
+from ..stated_figures import count_of, unknown_in_fields, unknown_in_text
 from .expected import Expected, Tally, is_close
 from .public_runs import DEFAULT, RawRuns, compared_batch, public_batch, public_server, raw_runs
 from .recomputed import goal
 
 
 @dataclass(frozen=True)
-class Told:
+class GivenAnswer:
     """An answer: its text, its fields, and the arguments of the call."""
 
     tool: str
@@ -52,7 +52,7 @@ class OnRuns:
     weights: Mapping[str, Mapping[str, float]]
     reviews: Mapping[str, Any]
     rules: Mapping[str, Mapping[str, Any]]
-    answers: tuple[Told, ...]
+    answers: tuple[GivenAnswer, ...]
     page: str = ""
 
 
@@ -121,11 +121,11 @@ async def collected(bench: SeededBench) -> list[OnRuns]:
         ]
 
 
-async def _request_answer(client: Client, tool: str, batch_id: str, **arguments: str) -> Told:
+async def _request_answer(client: Client, tool: str, batch_id: str, **arguments: str) -> GivenAnswer:
     asked = {"results": [batch_id], **arguments}
     answer = await client.call_tool(tool, asked)
     text = "\n".join(getattr(part, "text", "") for part in answer.content)
-    return Told(tool, asked, text, answer.structured_content or {})
+    return GivenAnswer(tool, asked, text, answer.structured_content or {})
 
 
 async def _report(bench: SeededBench, client: Client, batch_id: str) -> str:

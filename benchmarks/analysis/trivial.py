@@ -2,8 +2,8 @@
 
 The truth is ``GoalRegion.is_reached`` of commonroad-io on the driven states. A reached goal requires no driving in
 three cases, tested in this order: the initial or the first driven state meets it (``at_the_start``); it specifies no
-place, speed or heading (``by_time_alone``); or a standing car meets it, that is, one that drove less than half a metre,
-or one that starts at rest with an initial state that meets the goal at its last time step (``standing``).
+place, speed or heading (``by_time_alone``); or a standing car meets it (``standing``). A standing car drove less than
+half a metre, or starts at rest with an initial state that meets the goal at its last time step.
 
 Keys:
 

@@ -31,7 +31,7 @@ from plannerforge.tools.registry import TOOLS
 
 from ..harness import Figures, drawn, print_figures, scenario_files, shared_scenarios
 from .cases import Case, faulty_calls, sheet_of_catalogue, sheet_of_scenario
-from .judge import Told, judge, unanswered
+from .judge import GivenAnswer, judge, unanswered
 from .places import measure_places
 from .recording import Call, Recorded, answer_to, opened, read_recording, record, summary_of, written
 
@@ -42,7 +42,7 @@ _FAULTY_SCENARIO = "ZAM_Zip-1_6_T-1"
 
 async def _measure(scenarios: int, every: int, before: Path | None, places: bool) -> None:
     told, missing = await _judge_answers(scenarios)
-    faults = await _faults_told()
+    faults = await _reported_faults()
     tokens = await _tokens(every, before)
     spelled: Figures = {}
     if places:
@@ -65,7 +65,7 @@ async def _judge_answers(scenarios: int) -> tuple[Figures, int]:
             sheets = [*(sheet_of_scenario(file) for file in files), sheet_of_catalogue()]
             for case in [case for sheet in sheets for case in sheet]:
                 answer = await answer_to(client, Call(case.tool, case.arguments))
-                told = Told(case.tool, case.arguments, answer.text, answer.structured, answer.is_error)
+                told = GivenAnswer(case.tool, case.arguments, answer.text, answer.structured, answer.is_error)
                 verdict = judge(told, World(workspace))
                 count, compared = count + 1, compared + verdict.compared
                 false, excluded = false + len(verdict.false_statements), excluded + len(verdict.contradictions)
@@ -88,7 +88,7 @@ _REFUSED = re.compile(r"^\[\w+\] ")
 """A refusal begins with its code."""
 
 
-def _missing_content(case: Case, told: Told) -> list[str]:
+def _missing_content(case: Case, told: GivenAnswer) -> list[str]:
     """Return the missing content of an answer; a permitted refusal needs a code and a next call."""
     if told.is_error and case.may_refuse:
         is_whole = _REFUSED.match(told.text) and any(
@@ -105,7 +105,7 @@ async def _import(client: Client, name: str) -> None:
         sys.exit(f"{name} cannot be imported: {answer.text}")
 
 
-async def _faults_told() -> Figures:
+async def _reported_faults() -> Figures:
     calls = faulty_calls()
     told_all = 0
     with tempfile.TemporaryDirectory() as name:

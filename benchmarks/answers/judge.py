@@ -2,7 +2,7 @@
 
 A rule reads fields of an answer, such as a count, a speed, a distance, a time, the parties of a collision or what
 stayed unchanged, and compares each with what ``files`` reads. Contradictions are fields that exclude each other, an id
-in the fields that the text lacks, and a figure of the text that no field holds (``told_figures``). No rule depends on
+in the fields that the text lacks, and a figure of the text that no field holds (``stated_figures``). No rule depends on
 the wording.
 """
 
@@ -18,7 +18,7 @@ import shapely
 
 from plannerforge.evals.scoring.files import Body, SceneFile, StoredRun, World
 
-from ..told_figures import agrees, figures_in, unknown_in_text
+from ..stated_figures import agrees, figures_in, unknown_in_text
 
 _SLACK_M = 0.75
 """Distance that a body's centre may be outside its lanelet, as in the matching to lanes (chosen)."""
@@ -27,7 +27,7 @@ Fields = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Told:
+class GivenAnswer:
     """An answer as a client has it; ``asked``: the arguments of the call."""
 
     tool: str
@@ -61,7 +61,7 @@ class Verdict:
         self.contradictions.append(words)
 
 
-def judge(told: Told, world: World) -> Verdict:
+def judge(told: GivenAnswer, world: World) -> Verdict:
     """Compare all statements of an answer that a rule reads."""
     verdict = Verdict()
     for artifact in sorted(set(_ARTIFACT.findall(told.text))):
@@ -74,14 +74,14 @@ def judge(told: Told, world: World) -> Verdict:
     return verdict
 
 
-def _nothing(told: Told, world: World, verdict: Verdict) -> None:
+def _nothing(told: GivenAnswer, world: World, verdict: Verdict) -> None:
     del told, world, verdict
 
 
 # Scenarios
 
 
-def _description(told: Told, world: World, verdict: Verdict) -> None:
+def _description(told: GivenAnswer, world: World, verdict: Verdict) -> None:
     scene, description = world.scene(told.structured["scenario_id"]), told.structured["description"]
     verdict.holds("the scenario is there", scene is not None)
     if scene is None:
@@ -102,7 +102,7 @@ def _ego(told: Fields, scene: SceneFile, verdict: Verdict) -> None:
     verdict.close("speed of the ego", told["speed_mps"], start.speed)
     under, named = scene.under(start.x, start.y, 0.3), set(told["lanelets"])
     verdict.holds(f"ego on lanelets {named}", named <= under, sorted(under))
-    lanes = {scene.lanes_beside(key) for key in named & set(scene.lanelets)} or {0}
+    lanes = {scene.count_parallel_lanes(key) for key in named & set(scene.lanelets)} or {0}
     verdict.holds(f"{told['lanes']} lanes", told["lanes"] in lanes, sorted(lanes))
     if len(problem.goals) != 1:
         return
@@ -201,7 +201,7 @@ def _along_lanes(scene: SceneFile, ego: Body, body: Body) -> Iterator[float]:
         yield centre.project(_point(body.x, body.y)) - centre.project(_point(ego.x, ego.y))
 
 
-def _generation(told: Told, world: World, verdict: Verdict) -> None:
+def _generation(told: GivenAnswer, world: World, verdict: Verdict) -> None:
     for made in told.structured["scenarios"]:
         scene = world.scene(str(made["scenario_id"]))
         verdict.holds(f"{made['scenario_id']} is there", scene is not None)
@@ -228,7 +228,7 @@ def _generation(told: Told, world: World, verdict: Verdict) -> None:
 # Edits
 
 
-def _edit(told: Told, world: World, verdict: Verdict) -> None:
+def _edit(told: GivenAnswer, world: World, verdict: Verdict) -> None:
     fields = told.structured
     if fields["scenario_id"] is None:
         return
@@ -291,7 +291,7 @@ def _check_nearest(asked: Fields, report: Fields, base: SceneFile, verdict: Verd
 # Runs
 
 
-def _runs(told: Told, world: World, verdict: Verdict) -> None:
+def _runs(told: GivenAnswer, world: World, verdict: Verdict) -> None:
     fields = told.structured
     rows = [*fields.get("runs", ()), *fields.get("failures", ())] if told.tool == "run_planner" else fields["rows"]
     for row in rows:
@@ -393,7 +393,7 @@ def _figures(fields: Fields, run: StoredRun, world: World, verdict: Verdict) -> 
             verdict.close(f"gap at {moment['time_s']} s", moment["gap_m"], ego.gap_to(other[1]), 0.02)
 
 
-def _comparison(told: Told, world: World, verdict: Verdict) -> None:
+def _comparison(told: GivenAnswer, world: World, verdict: Verdict) -> None:
     for comparison in told.structured["comparisons"]:
         for pair in comparison["edited"]:
             parents = world.recipe(pair["after"]).get("parents", [])
@@ -420,7 +420,7 @@ def _comparison(told: Told, world: World, verdict: Verdict) -> None:
 # Searches and configurations
 
 
-def _search(told: Told, world: World, verdict: Verdict) -> None:
+def _search(told: GivenAnswer, world: World, verdict: Verdict) -> None:
     fields, scenes = told.structured, world.scenes()
     verdict.holds(f"of {fields['catalogue']} scenarios", fields["catalogue"] == len(scenes), len(scenes))
     fit = [key for key, scene in scenes.items() if _fits(scene, told.asked)]
@@ -463,7 +463,7 @@ def _fits(scene: SceneFile, asked: Mapping[str, Any]) -> bool:
     return (asked.get("country", scene.country), asked.get("city", scene.place)) == (scene.country, scene.place)
 
 
-def _configuration(told: Told, world: World, verdict: Verdict) -> None:
+def _configuration(told: GivenAnswer, world: World, verdict: Verdict) -> None:
     config_id = told.structured["config_id"]
     stored = world.record("config", config_id)
     verdict.holds(f"{config_id} is stored", stored is not None)
@@ -476,7 +476,7 @@ def _configuration(told: Told, world: World, verdict: Verdict) -> None:
 # All answers
 
 
-def _against_itself(told: Told, verdict: Verdict) -> None:
+def _against_itself(told: GivenAnswer, verdict: Verdict) -> None:
     text, structured = told.text, told.structured
     for key in ("scenario_id", "search_id", "batch_id", "config_id"):
         value = structured.get(key)
@@ -496,7 +496,7 @@ def _parts(content: Any) -> Iterator[Fields]:
         yield from _parts(part)
 
 
-_RULES: Mapping[str, Callable[[Told, World, Verdict], None]] = {
+_RULES: Mapping[str, Callable[[GivenAnswer, World, Verdict], None]] = {
     "describe_scenario": _description,
     "generate_scenarios": _generation,
     "modify_scenario": _edit,
@@ -508,7 +508,7 @@ _RULES: Mapping[str, Callable[[Told, World, Verdict], None]] = {
 }
 
 
-def unanswered(told: Told, asks: Sequence[str]) -> Iterator[str]:
+def unanswered(told: GivenAnswer, asks: Sequence[str]) -> Iterator[str]:
     """Return the fields, such as ``runs.outcome``, that an answer leaves empty or does not repeat in its text.
 
     A field may be in any element of a list, and any alternative separated by ``|`` suffices. A name without a blank and
@@ -516,7 +516,7 @@ def unanswered(told: Told, asks: Sequence[str]) -> Iterator[str]:
     """
     for ask in asks:
         values = [value for path in ask.split("|") for value in _at(told.structured, path.split("."))]
-        if not any(_is_told(value, told.text) for value in values):
+        if not any(_is_reported(value, told.text) for value in values):
             yield ask
 
 
@@ -530,7 +530,7 @@ def _at(content: Any, path: Sequence[str]) -> Iterator[Any]:
         yield from _at(content[path[0]], path[1:])
 
 
-def _is_told(value: Any, text: str) -> bool:
+def _is_reported(value: Any, text: str) -> bool:
     if isinstance(value, bool):
         return True
     if isinstance(value, int | float):

@@ -13,10 +13,10 @@ _GONE_WITHIN_S = 10.0
 
 def marked(mark: str, but_pid: int) -> list[psutil.Process]:
     """Return running processes that carry a mark, except one."""
-    return [process for process in psutil.process_iter() if _bears(process, mark, but_pid)]
+    return [process for process in psutil.process_iter() if _has_mark(process, mark, but_pid)]
 
 
-def _bears(process: psutil.Process, mark: str, but_pid: int) -> bool:
+def _has_mark(process: psutil.Process, mark: str, but_pid: int) -> bool:
     try:
         is_alive = process.status() != psutil.STATUS_ZOMBIE
         return is_alive and process.pid != but_pid and process.environ().get(MARK) == mark

@@ -18,13 +18,13 @@ from plannerforge.evals.ground_truth.generation import BenchRequest, Refusal, is
 from plannerforge.evals.scoring.common import built_in
 from plannerforge.evals.scoring.made_files import (
     EXIT_WITHIN_M,
+    SHOWN_BY_TAGS,
     STREET_WITHIN_M,
-    TOLD_BY_TAGS,
     MadeFiles,
-    holds_vehicles,
+    has_vehicles,
+    is_at_street,
+    is_in_box,
     judge_density,
-    lies_at_street,
-    lies_in,
     shows_type,
 )
 from plannerforge.evals.scoring.map_evidence import BenchMaps, MapEvidence, read_evidence
@@ -160,7 +160,7 @@ def _make(request: BenchRequest, asked: GenerationRequest, session: Session, see
             executable=executable,
             outcome=outcome,
             road_type=_is_of_type(asked, report, files, evidence),
-            vehicles=holds_vehicles(files, _required_vehicles(asked)),
+            vehicles=has_vehicles(files, _required_vehicles(asked)),
             place=_place_is_right(request, asked, report, files, session),
             density=judge_density(files, asked.density, report.notes),
             motion=measure_motion(loaded, _CHECKED_TRACKS, seed),
@@ -177,7 +177,7 @@ def _is_of_type(
     None if only tags determine the type and the map is a SUMO network, which has none.
     """
     stated = report.site.scenario_type
-    if stated in TOLD_BY_TAGS and is_net(Path(asked.map_path)):
+    if stated in SHOWN_BY_TAGS and is_net(Path(asked.map_path)):
         return None
     return asked.scenario_type in (stated, "any") and shows_type(files, stated, evidence)
 
@@ -208,9 +208,9 @@ def _place_is_right(
     name, country = session.maps.name_of(asked.map_id), request.arguments.country
     shown, box, street = session.maps.places[name], request.arguments.bbox, request.street
     meant = name == request.map_name or request.arguments.place in shown["places"]
-    there = lies_in(files, shown["bbox"], _BEYOND_MAP_DEG) and (box is None or lies_in(files, box, _BEYOND_BOX_DEG))
+    there = is_in_box(files, shown["bbox"], _BEYOND_MAP_DEG) and (box is None or is_in_box(files, box, _BEYOND_BOX_DEG))
     within_m = EXIT_WITHIN_M if asked.scenario_type == "ramp" else STREET_WITHIN_M
-    on_street = street is None or lies_at_street(
+    on_street = street is None or is_at_street(
         files, street, shown["places"], session.evidence(asked.map_path), within_m
     )
     return meant and there and on_street and country in (None, report.benchmark_id[:3])

@@ -1,9 +1,9 @@
 """``make bench-growth``: how processor time grows with the input, doubled three times.
 
 Keys: ``growth_exponent_max`` (the largest exponent; n log n has up to 1.2 at these sizes), ``growth_subjects``,
-``growth_measured`` (subjects with an exponent), and ``growth <what>`` for each subject: its exponent, ``below 0.05 s``
-if at most two sizes take long enough to measure, or the size from which the input is refused (and the exponent up to
-there).
+``growth_measured`` (subjects with an exponent), and ``growth <what>`` for each subject. Its value is the exponent,
+``below 0.05 s`` if at most two sizes take long enough to measure, or the size from which the input is refused (and the
+exponent up to there).
 """
 
 import argparse

@@ -17,7 +17,7 @@ from plannerforge.engine.maps.drawn_library import Sketch
 Point = tuple[float, float]
 _WIDTH_M, _APART_M, _STEP_S, _SPEED_MPS = 3.5, 120.0, 0.1, 5.0
 _LANELETS_OF_CROSSING = 6
-_BESIDE_RING_M = 300.0
+_FROM_RING_M = 300.0
 
 
 def town(path: Path, *, crossings: int, vehicles: int, steps: int) -> Path:
@@ -149,7 +149,7 @@ def rings(path: Path, count: int) -> Path:
     sketch = Sketch("Rings", 50.0, 8.0)
     side = math.ceil(math.sqrt(count))
     for number in range(count):
-        x, y = _BESIDE_RING_M * (number % side), _BESIDE_RING_M * (number // side)
+        x, y = _FROM_RING_M * (number % side), _FROM_RING_M * (number // side)
         corners = [(x + dx, y + dy) for dx, dy in ((20, 0), (0, 20), (-20, 0), (0, -20), (20, 0))]
         sketch.road(corners, "tertiary", junction="roundabout", oneway="yes")
         for dx, dy in ((1, 0), (0, 1), (-1, 0), (0, -1)):

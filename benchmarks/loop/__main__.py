@@ -26,6 +26,7 @@ PARTS: Parts[SeededBench] = Parts(
         "acceptance": ("acceptance_agree",),
         "fiss": ("fiss_plan_ratio",),
         "headlines": ("headlines_right",),
+        "worlds": ("worlds_same", "sensing_cost"),
     },
 )
 """The parts in the order of measurement, and the keys that each part owes."""

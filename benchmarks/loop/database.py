@@ -66,7 +66,7 @@ _SOURCES = {
     "synthesis": "hand-crafted",
 }
 """Words in a file's ``source`` and their kinds; the first match counts."""
-_TOLD_EVERY = 50
+_REPORTED_EVERY = 50
 DEFAULT_PLANNERS = ("frenetix", "mp_rbfn", "idm", "fiss")
 """The default planners; the reference drivers can be requested by name."""
 AUTHORS = "280"
@@ -199,7 +199,7 @@ async def run_turn(pool: WorkerPool, turn: Turn, journal: Journal, folder: Path)
             journal.add(row)
             if row["error"]:
                 sys.stderr.write(f"{turn.name}: {path.name}: {row['error']}\n")
-            if made % _TOLD_EVERY == 0:
+            if made % _REPORTED_EVERY == 0:
                 rate = made / (time.perf_counter() - began)
                 sys.stderr.write(f"{turn.name}: {before + made} of {len(turn.files)} runs, {rate:.1f} a second\n")
 
@@ -274,11 +274,11 @@ def figures_of(turns: Sequence[Turn], journal: Journal) -> dict[str, float | int
     found["beyond_limits"] = max(beyond, default=0.0)
     for turn in turns:
         if turn.name.startswith(AUTHORS):
-            found |= _beside_authors(turn.name.removeprefix(AUTHORS).strip(), turn, _done(rows[turn.name]))
+            found |= _figures_of_authors(turn.name.removeprefix(AUTHORS).strip(), turn, _done(rows[turn.name]))
     return found
 
 
-def _beside_authors(search: str, turn: Turn, done: Sequence[Mapping[str, Any]]) -> dict[str, float | int]:
+def _figures_of_authors(search: str, turn: Turn, done: Sequence[Mapping[str, Any]]) -> dict[str, float | int]:
     """Return the figures on the authors' scenarios; a scenario that could not be attempted is not a success."""
     figures: dict[str, float | int] = {
         "authors_scenarios": len(turn.files),

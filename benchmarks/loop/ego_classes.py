@@ -10,9 +10,9 @@ A request is right if all of this holds:
 - the judge finds an initial collision with a body 6 cm inside the class's length or width, and no collision with one 6
   cm outside;
 - the ego in the picture is as long and as wide as the class, measured in pixels against a bus of known size;
-- each planner's run states class and size, its motion keeps the class's limits of speed, acceleration (friction and
-  power), steering angle and steering rate, and its rear axle (if the class has one) does not slide, by the kinematic
-  single-track model with that wheelbase;
+- each planner's run states class and size, and its motion keeps the class's limits of speed, acceleration (friction and
+  power), steering angle and steering rate;
+- its rear axle, if the class has one, does not slide, by the kinematic single-track model with that wheelbase;
 - a semi-trailer is refused by name with the classes that can be driven, and its tractor drives if a configuration
   states vehicle 4.
 

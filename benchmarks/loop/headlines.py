@@ -1,17 +1,18 @@
 """Checks that the headlines of comparisons and studies match the runs, with independent code.
 
-Comparisons use stored runs with drawn outcomes and metrics, and are requested through the tools: few pairs with flips,
-ties, few flips among many pairs, flips both ways, differences below the resolution of the metrics, metrics that differ
-only by chance or really, three configurations, two and three batches, two versions of one planner, and calls that leave
-out what to compare. Studies are sensitivity analyses in which a weight decides, in which scenarios change only by
-chance, and in which nothing changes, and searches with IDM on public scenarios.
+Comparisons use stored runs with drawn outcomes and metrics, and are requested through the tools. The runs have few
+pairs with flips, ties, few flips among many pairs, flips both ways, differences below the resolution of the metrics,
+and metrics that differ only by chance or really. There are comparisons of three configurations, of two and three
+batches, of two versions of one planner, and calls that leave out what to compare. Studies are sensitivity analyses in
+which a weight decides, in which scenarios change only by chance, and in which nothing changes, and searches with IDM on
+public scenarios.
 
-A comparison is right if it pairs the matching sides (or is refused if no sides match), has the code that
-``docs/statistics.md`` gives to the counted flips, has these counts in its fields, states no figure in its headline that
-its fields lack, has a better side in exactly the metrics that differ beyond resolution and chance, and lists runs of
-counted pairs. The tests are those of ``analysis/recomputed.py``, which shares no code with the product. A study is
-right if its headline names exactly the decisive weights, or its code follows from the held-out runs, and if it drove no
-more configurations than allowed.
+A comparison is right if it pairs the matching sides, or is refused if no sides match. It has the code that
+``docs/statistics.md`` gives to the counted flips, has these counts in its fields, and states no figure in its headline
+that its fields lack. It has a better side in exactly the metrics that differ beyond resolution and chance, and lists
+runs of counted pairs. The tests are those of ``analysis/recomputed.py``, which shares no code with the product. A study
+is right if its headline names exactly the decisive weights, or its code follows from the held-out runs, and if it drove
+no more configurations than allowed.
 
 Keys: ``headlines_right``: share of the comparisons and studies that are right; ``headlines``: their number.
 """
@@ -47,7 +48,7 @@ from plannerforge.server.assembly import create_server
 from ..analysis.public_runs import RawRuns
 from ..analysis.recomputed import METRICS, Pairs, goal, holm
 from ..harness import Figures, SeededBench, ask, ask_to_the_end, import_scenarios, scenario_files, settings_for, share
-from ..told_figures import unknown_in_fields
+from ..stated_figures import unknown_in_fields
 
 SCENARIOS, SEARCHED = 40, 8
 """Numbers of public scenarios for runs and for searches (chosen)."""

@@ -9,9 +9,9 @@ with 40 visible road users. It looks for the smallest distance to any predicted 
 During the measurement both processes have priority over all others if the system allows it (``SCHED_FIFO``), because a
 message wakes the other process and other load would delay it.
 
-Keys: ``protocol_named``: share of the programs with runs reported this way; ``protocol_kinds``: number of
-programs; ``protocol_slowest_s``: the longest run beyond its limit; ``protocol_left``: processes left behind;
-``protocol_step_ms``: median over the steps of the program's time minus the class's time; ``protocol_program_ms``,
+Keys: ``protocol_named``: share of the programs with runs reported this way. ``protocol_kinds``: number of programs.
+``protocol_slowest_s``: the longest run beyond its limit. ``protocol_left``: processes left behind.
+``protocol_step_ms``: median over the steps of the program's time minus the class's time. ``protocol_program_ms``,
 ``protocol_class_ms``: both medians.
 """
 
@@ -222,7 +222,7 @@ def _step_ms(path: Path) -> tuple[list[float], list[float]]:
         times: tuple[list[float], list[float]] = ([], [])
         for observation in _ROUNDS * seen:
             for planner, taken in zip((inside, outside), times, strict=True):
-                taken.append(_taken_ms(planner, observation))
+                taken.append(_plan_ms(planner, observation))
     return times
 
 
@@ -241,7 +241,7 @@ def _before_all_others() -> Iterator[None]:
         os.sched_setscheduler(0, *before)
 
 
-def _taken_ms(planner: Planner, observation: Observation) -> float:
+def _plan_ms(planner: Planner, observation: Observation) -> float:
     began = perf_counter()
     planner.plan(observation)
     return 1000 * (perf_counter() - began)

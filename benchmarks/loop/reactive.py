@@ -5,9 +5,9 @@ stay on their recordings, which the run reports (``on_recording``). Files refuse
 generated files miss steps in a trajectory, which CommonRoad does not allow.
 
 - ``reactive_lost``: lost cells of the public scenarios of the shared folder, with reactive traffic;
-- ``reactive_lost_fresh``: lost cells of at least 200 other scenarios, drawn by the seed from the folder in
-  ``PLANNERFORGE_DATABASE`` (a checkout of the public CommonRoad database, without the shared ones) or generated if it
-  is not set (``reactive_fresh_from`` says which); ``reactive_refused_fresh``: refused files.
+- ``reactive_lost_fresh``: lost cells of at least 200 other scenarios. The seed draws them from the folder in
+  ``PLANNERFORGE_DATABASE`` (a checkout of the public CommonRoad database, without the shared ones), or generates them
+  if it is not set (``reactive_fresh_from`` says which). ``reactive_refused_fresh``: refused files.
 
 The planner is ``idm``, the cheapest: SUMO treats the others independently of the ego's planner. The bench also reports
 the numbers of cells, and of cells with road users on their recordings.

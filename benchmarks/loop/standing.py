@@ -4,17 +4,17 @@ Each run is drawn at random on its own road, straight or curved, with a light, a
 goal as its kind requires. The ego's speed over time and the reason for it are given in closed form, so the truth is
 known by construction. This module shares no code with the product.
 
-Kinds of standing: at a red light; at a light that turned green long ago or was always green; behind a standing vehicle;
-behind one that has driven away; in a queue; before a crossing vehicle; in the goal before its time; without a vehicle
-ahead, on an empty road, with an oncoming vehicle or one far ahead; and late, behind a slower vehicle or alone. Kinds of
-braking: for a vehicle, a light, a crossing vehicle, a curve, the goal's time; without a reason, gently or hard, with an
-empty road or a faster vehicle far ahead; and hit from behind after either.
+An ego stands at a light (red, turned green long ago, or always green), behind a vehicle (standing, or driven away), in
+a queue, before a crossing vehicle, or in the goal before its time. It also stands without a vehicle ahead, on an empty
+road, with an oncoming vehicle or one far ahead. It is late behind a slower vehicle or alone. An ego brakes for a
+vehicle, a light, a crossing vehicle, a curve, or the goal's time. It also brakes without a reason, gently or hard, with
+an empty road or a faster vehicle far ahead. It is hit from behind after either.
 
 Keys:
 
 - ``standing_right``: share of the runs of the first kinds with all stretches reported correctly: code, other road user,
-  start within half a second, and no further stretch of standing or being held up (except held up by the same vehicle
-  while stopping behind it).
+  start within half a second. There must be no further stretch of standing or being held up, except held up by the same
+  vehicle while stopping behind it.
 - ``braking_right``: the same for the second kinds, and for runs that were hit also the attribution of the collision.
 - ``standing_runs``, ``braking_runs``: their numbers.
 
@@ -88,7 +88,7 @@ class Other:
 
 
 @dataclass(frozen=True)
-class Told:
+class Stretch:
     """An expected stretch: its code, when it begins (None if that does not matter), and the road user it concerns."""
 
     code: str
@@ -104,14 +104,14 @@ Lights = tuple[tuple[TrafficLightState, int], ...]
 class Made:
     """A run: the speed of the ego, its surroundings, and the truth about it.
 
-    ``lights``: colours with their durations in steps; ``curve``: curvature of the road in 1/m, with start and end;
-    ``goal_m``, ``goal_steps``: position and time window of the goal; ``hit_by``: the road user that touches the ego at
+    ``lights``: colours with their durations in steps. ``curve``: curvature of the road in 1/m, with start and end.
+    ``goal_m``, ``goal_steps``: position and time window of the goal. ``hit_by``: the road user that touches the ego at
     the end, and the attribution of the collision.
     """
 
     speed: Speed
     duration_s: float
-    truth: tuple[Told, ...]
+    truth: tuple[Stretch, ...]
     others: tuple[Other, ...] = ()
     lights: Lights = ()
     curve: tuple[float, float, float] = (0.0, BEGIN_M, ROAD_M)
@@ -188,12 +188,12 @@ def standing(choice: random.Random) -> Iterator[tuple[str, Made]]:
     stands = begins + speed / by
     goes = stands + stays
     lights = ((RED, round(goes / STEP_S)), (GREEN, 400))
-    red = Told("stood_at_red", stands)
+    red = Stretch("stood_at_red", stands)
     yield "red", Made(starting(stop, goes + 0.8, 1.5, 9), goes + 8, (red,), lights=lights, curve=way)
     # after the light has turned green, and before one that is green all the time
-    green = Told("stood_at_green", goes)
+    green = Stretch("stood_at_green", goes)
     yield "turned green", Made(stop, goes + stays, (red, green), lights=lights, curve=way)
-    only = Told("stood_at_green", stands)
+    only = Stretch("stood_at_green", stands)
     oncoming = (Other(9, 300.0, steady(choice.uniform(6, 12)), "oncoming"),)
     yield "green", Made(stop, stands + stays, (only,), oncoming, lights=((GREEN, 900), (RED, 10)), curve=way)
     # behind one that stands, and one that has driven away
@@ -201,39 +201,42 @@ def standing(choice: random.Random) -> Iterator[tuple[str, Made]]:
     place = choice.uniform(50, 90)
     speed, begins, by, stop = _approach(choice, place - gap - (LENGTH_M + OTHER_M) / 2)
     stands = begins + speed / by
-    behind = Told("stood_behind_vehicle", stands, 7)
+    behind = Stretch("stood_behind_vehicle", stands, 7)
     yield "leader", Made(stop, stands + stays, (behind,), (Other(7, place, steady(0.0)),), curve=way)
     leaves, pace = stands + choice.uniform(3, 6), choice.uniform(1.5, 2.5)
     drives = Other(7, place, starting(steady(0.0), leaves, pace, 12.0))
     gone = leaves + math.sqrt(2 * (12.5 - gap) / pace)
-    yield ("leader gone", Made(stop, gone + stays, (behind, Told("stood_without_cause", gone)), (drives,), curve=way))
+    yield (
+        "leader gone",
+        Made(stop, gone + stays, (behind, Stretch("stood_without_cause", gone)), (drives,), curve=way),
+    )
     # in a queue
     spaced = choice.uniform(1.5, 4.0)
     queue = tuple(Other(7 + n, place + n * (OTHER_M + spaced), steady(0.0)) for n in range(choice.choice((2, 3))))
-    queued = Told("stood_in_queue", stands, 7)
+    queued = Stretch("stood_in_queue", stands, 7)
     yield "queue", Made(stop, stands + stays, (queued,), queue, curve=way)
     red_line = ((RED, 900), (GREEN, 10))
     first = Other(7, LINE_M - choice.uniform(0.5, 2.0) - OTHER_M / 2, steady(0.0))
     speed, begins, by, stop = _approach(choice, first.begin_m - gap - (LENGTH_M + OTHER_M) / 2)
     stands = begins + speed / by
-    queued = Told("stood_in_queue", stands, 7)
+    queued = Stretch("stood_in_queue", stands, 7)
     yield "queue at red", Made(stop, stands + stays, (queued,), (first,), lights=red_line, curve=way)
     # before one that crosses
     speed, begins, by, stop = _approach(choice, _front_at(LINE_M) - short)
     stands = begins + speed / by
     passes, theirs = stands + choice.uniform(3.0, 6.0), choice.uniform(6, 12)
     crosses = Other(7, -theirs * passes, steady(theirs), "across")
-    gives = Told("stood_to_give_way", stands, 7)
+    gives = Stretch("stood_to_give_way", stands, 7)
     yield "gives way", Made(starting(stop, passes + 1.2, 1.5, 9), passes + 6, (gives,), (crosses,))
     # in the goal before its time
     goal = (place - 8.0, place + 8.0)
     speed, begins, by, stop = _approach(choice, place)
     stands = begins + speed / by
     until = round((stands + stays) / STEP_S)
-    waits = Told("stood_in_goal", stands)
+    waits = Stretch("stood_in_goal", stands)
     yield ("goal", Made(stop, stands + stays - 0.5, (waits,), curve=way, goal_m=goal, goal_steps=(until, until + 20)))
     # behind no vehicle
-    alone = Told("stood_without_cause", stands)
+    alone = Stretch("stood_without_cause", stands)
     yield "nobody", Made(stop, stands + stays, (alone,), curve=way)
     yield "nobody, oncoming", Made(stop, stands + stays, (alone,), oncoming, curve=way)
     far = (Other(7, place + choice.uniform(35, 60), steady(choice.choice((0.0, 8.0)))),)
@@ -242,11 +245,13 @@ def standing(choice: random.Random) -> Iterator[tuple[str, Made]]:
     slow, headway = choice.uniform(3.5, 6.0), choice.uniform(1.2, 2.4)
     start = headway * slow + (LENGTH_M - OTHER_M) / 2
 
-    def late(profile: Speed, duration_s: float, truth: tuple[Told, ...], others: tuple[Other, ...], named: str) -> Made:
+    def late(
+        profile: Speed, duration_s: float, truth: tuple[Stretch, ...], others: tuple[Other, ...], named: str
+    ) -> Made:
         """Return a run that misses its goal's time, and the finding that is to say why."""
         return Made(profile, duration_s, truth, others, (), way, (180.0, 200.0), (100, 150), late=True, finding=named)
 
-    held = Told("held_up", 0.0, 7)
+    held = Stretch("held_up", 0.0, 7)
     leader = Other(7, max(start, OTHER_M + 2.0), steady(slow))
     yield "late behind", late(steady(slow), 22.0, (held,), (leader,), "held_up")
     ahead = Other(7, slow * choice.uniform(5.0, 8.0) + 2 * OTHER_M, steady(slow))
@@ -255,7 +260,7 @@ def standing(choice: random.Random) -> Iterator[tuple[str, Made]]:
 
 
 def braking(choice: random.Random) -> Iterator[tuple[str, Made]]:
-    """Yield one run of each kind of braking; goals are to be reached at the ego's first speed or faster."""
+    """Yield one run of each kind of braking; goals require the ego's first speed or a higher one."""
     way = _curve(choice)
     speed, begins = choice.uniform(8, 13), choice.uniform(1.0, 2.5)
     hard, gentle = choice.uniform(6.0, 10.3), choice.uniform(2.4, 3.2)
@@ -263,7 +268,7 @@ def braking(choice: random.Random) -> Iterator[tuple[str, Made]]:
     def soon(
         profile: Speed,
         duration_s: float,
-        truth: Told,
+        truth: Stretch,
         others: tuple[Other, ...] = (),
         lights: Lights = (),
         hit_by: tuple[int, str] | None = None,
@@ -272,7 +277,7 @@ def braking(choice: random.Random) -> Iterator[tuple[str, Made]]:
         goal: tuple[float, float] = (300.0, 320.0)
         return Made(profile, duration_s, (truth,), others, lights, way, goal, (80, 180), hit_by=hit_by)
 
-    none = Told("braked_without_cause", begins)
+    none = Stretch("braked_without_cause", begins)
     quick = slowing(speed, begins, hard, choice.uniform(0.5, 3.0))
     mild = slowing(speed, begins, gentle, choice.uniform(3.0, 5.0))
     yield "nothing, hard", soon(quick, begins + 5, none)
@@ -280,7 +285,7 @@ def braking(choice: random.Random) -> Iterator[tuple[str, Made]]:
     far = Other(7, choice.uniform(50, 58), steady(speed + choice.uniform(1, 4)))
     yield "far ahead, hard", soon(quick, begins + 4, none, (far,))
     # for a vehicle: one that brakes, and one that is much slower
-    braked = Told("braked_for_vehicle", begins, 7)
+    braked = Stretch("braked_for_vehicle", begins, 7)
     gap = speed * choice.uniform(1.0, 1.6)
     brakes = Other(7, gap + (LENGTH_M + OTHER_M) / 2, slowing(speed, begins - 0.6, hard, 1.0))
     yield "leader brakes", soon(slowing(speed, begins, hard * 0.9, 1.0), begins + 4, braked, (brakes,))
@@ -292,16 +297,16 @@ def braking(choice: random.Random) -> Iterator[tuple[str, Made]]:
     stop_by = choice.uniform(2.3, 3.2)
     at = _front_at(LINE_M) - choice.uniform(0.5, 2.5)
     late = (at - speed**2 / (2 * stop_by)) / speed
-    red = Told("braked_for_light", late)
+    red = Stretch("braked_for_light", late)
     stop = stopping(speed, late, stop_by)
     yield "light", soon(stop, late + speed / stop_by + 1, red, lights=((RED, 900), (GREEN, 10)))
     green = ((GREEN, 900), (RED, 10))
-    yield ("green light", soon(stop, late + speed / stop_by + 1, Told("braked_without_cause", late), lights=green))
+    yield ("green light", soon(stop, late + speed / stop_by + 1, Stretch("braked_without_cause", late), lights=green))
     # for one that crosses
     passes = late + speed / stop_by
     across = choice.uniform(6, 12)
     crosses = Other(7, -across * (passes + 0.5), steady(across), "across")
-    gives = Told("braked_to_give_way", late, 7)
+    gives = Stretch("braked_to_give_way", late, 7)
     yield "crossing", Made(stop, passes + 1, (gives,), (crosses,), goal_m=(300.0, 320.0), goal_steps=(80, 180))
     # for a curve
     radius = choice.uniform(12, 20)
@@ -314,7 +319,7 @@ def braking(choice: random.Random) -> Iterator[tuple[str, Made]]:
         Made(
             slowing(fast, at_s, 2.6, slow),
             at_s + (fast - slow) / 2.6 + 3,
-            (Told("braked_for_curve", at_s),),
+            (Stretch("braked_for_curve", at_s),),
             curve=(1 / radius, 60.0, 60.0 + radius * math.pi / 2),
             goal_m=(140.0, 150.0),
             goal_steps=(60, 140),
@@ -328,7 +333,7 @@ def braking(choice: random.Random) -> Iterator[tuple[str, Made]]:
         Made(
             wait,
             begins + 6,
-            (Told("braked_for_goal", begins),),
+            (Stretch("braked_for_goal", begins),),
             curve=way,
             goal_m=(far_m - 8.0, far_m + 8.0),
             goal_steps=(240, 260),

@@ -1,22 +1,23 @@
 """Checks verdicts of reference drivers on collisions against an independent implementation.
 
-The seed draws encounters in the frame of a road, straight or a bend of 40 to 200 m: a braking leader, a slower one, a
-follower that catches up, a cut-in, a cut-out before a standing car, a crossing pedestrian and cyclist, a car that turns
-across the ego's path from ahead, and egos that speed up before they meet another road user. The egos are cars, trucks
-and buses. Everything is given in closed form along the road, so that the judge projects nothing. It moves each driver
-in steps of 10 ms, detects contacts by separating axes, and follows each drive until the ego stands and the other is
-gone. It shares nothing with the product; parameters and rules are those of ``docs/reference_drivers.md``.
+The seed draws encounters in the frame of a road, straight or a curve of 40 to 200 m. They have a braking leader, a
+slower one, a follower that catches up, a cut-in, a cut-out before a standing car, a crossing pedestrian and cyclist,
+and a car that turns across the ego's path from ahead. Some egos speed up before they meet another road user. The egos
+are cars, trucks and buses. Everything is given in closed form along the road, so that the judge projects nothing. It
+moves each driver in steps of 10 ms, detects contacts by separating axes, and follows each drive until the ego stands
+and the other is gone. It shares nothing with the product; parameters and rules are those of
+``docs/reference_drivers.md``.
 
-A verdict counts if it is away from edges: it stays the same if all bodies are 0.1 m longer or shorter, the ego is 2 %
-slower or faster, and the driver responds 0.2 s later or 0.05 s earlier (the product's steps are 0.1 s long).
+A verdict counts if it is away from edges. It must stay the same if all bodies are 0.1 m longer or shorter, the ego is
+2 % slower or faster, and the driver responds 0.2 s later or 0.05 s earlier (the product's steps are 0.1 s long).
 
 Keys:
 
 - ``verdicts_right``: share of correct verdicts (driver, start, encounter) and of correct closed forms. The closed forms
   are the latest full braking before a standing car, and two statements of UN R157's data sheets (Annex 4, Appendix 3)
-  about its driver at a time headway of 2 s and up to 60 km/h: it avoids every standing car that a cut-out reveals
-  (5.2), and every leader that brakes by up to 1 g (5.3). The headway is checked against the sheets. That the driver
-  avoids them all, and the paragraph numbers, are not checked against the regulation's text.
+  about its driver at a time headway of 2 s and up to 60 km/h. The driver avoids every standing car that a cut-out
+  reveals (5.2), and every leader that brakes by up to 1 g (5.3). The headway is checked against the sheets. That the
+  driver avoids them all, and the paragraph numbers, are not checked against the regulation's text.
 - ``window_errors``: drivers reported to prevent a collision although they touch the other later.
 - ``verdicts_told``, ``verdicts_at_edges``: numbers of verdicts that count, and that are left out.
 """
@@ -405,7 +406,7 @@ def _careful_prevents(made: Made) -> bool:
     return found is not None and bool(found.by_careful_driver)
 
 
-def _of_told(found: Any) -> dict[tuple[str, str], bool]:
+def _reported_verdicts(found: Any) -> dict[tuple[str, str], bool]:
     return {(verdict.driver, verdict.start): verdict.prevents for verdict in found.drivers}
 
 
@@ -446,7 +447,7 @@ def measure(bench: SeededBench) -> Figures:
                 right.append(False)
                 sys.stderr.write(f"{made.name}: no verdict\n")
                 continue
-            for (driver, start), prevented in _of_told(found).items():
+            for (driver, start), prevented in _reported_verdicts(found).items():
                 truth = _truth(made, driver, start, touch)
                 if truth is None:
                     edges += 1

@@ -6,8 +6,8 @@ scenarios under the same configuration. Then the bench compares every batch with
 analyses both together.
 
 A comparison is right if its headline names both versions by the author's text (a declared version, or git's answer) and
-a digest that changes exactly with the source; if it pairs every scenario and uses the first batch given as baseline;
-and if the list of batches and an analysis of both keep them apart under the same names.
+a digest that changes exactly with the source. It must pair every scenario and use the first batch given as baseline.
+The list of batches and an analysis of both must keep them apart under the same names.
 
 Keys: ``versions_told``: share of the comparisons that are right; ``version_comparisons``: their number.
 """
@@ -175,10 +175,10 @@ async def _versions_of(author: _Author, client: Client, limit: int | None) -> li
         made.append(_Version(author.name, words, batch_id))
     digests: dict[str, str] = {}
     couples = list(combinations(made, 2))[:limit]
-    return [await _is_told(before, after, digests, client) for before, after in couples]
+    return [await _is_reported(before, after, digests, client) for before, after in couples]
 
 
-async def _is_told(before: _Version, after: _Version, digests: dict[str, str], client: Client) -> bool:
+async def _is_reported(before: _Version, after: _Version, digests: dict[str, str], client: Client) -> bool:
     """Return True if the comparison of two versions, the list of batches and an analysis of both name them
     correctly.
     """

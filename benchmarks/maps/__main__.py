@@ -56,7 +56,7 @@ def _main() -> int:
     parser.add_argument("--workers", type=int, default=2, help="worker processes (default: 2)")
     parser.add_argument("--scenarios", type=int, default=2000, help="scenarios of the plan (default: 2000)")
     parser.add_argument(
-        "--minutes", type=float, default=None, help="longest duration of the plan; results until then count"
+        "--minutes", type=float, default=None, help="longest duration of the plan, after which the results so far count"
     )
     parser.add_argument("--limit", type=int, default=None, help="number of requests, maps and tracks (a sample)")
     return PARTS.run("Maps", parser, _bench)

@@ -8,8 +8,8 @@ from pathlib import Path
 class MapsBench:
     """The folders and limits of a part.
 
-    ``shared``: the folder with ``data/osm`` and ``corpora/dev``; ``scratch``: an empty folder that is deleted
-    afterwards; ``scenarios``: of the plan; ``minutes``: its longest duration, after which the results so far count;
+    ``shared``: the folder with ``data/osm`` and ``corpora/dev``. ``scratch``: an empty folder that is deleted
+    afterwards. ``scenarios``: of the plan. ``minutes``: its longest duration, after which the results so far count.
     ``limit``: the number of requests, maps or tracks, or None for all.
     """
 

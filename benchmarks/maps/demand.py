@@ -36,7 +36,7 @@ FEW_PER_LANE_KM, MANY_PER_LANE_KM = 2.0, 24.0
 FREE_S, FOLLOWED_S, STANDING_M = 6.0, 3.0, 2.5
 _WINDOW = 10
 """Steps (1 s) before and after a time in which a vehicle must keep its speed."""
-_HELD_MPS, _SAME_MPS, _STRAIGHT_RAD, _BESIDE_M, _SLOWEST_MPS, _FAST_MPS = 0.3, 0.5, 0.05, 1.75, 8.0, 25.0
+_HELD_MPS, _SAME_MPS, _STRAIGHT_RAD, _LATERAL_M, _SLOWEST_MPS, _FAST_MPS = 0.3, 0.5, 0.05, 1.75, 8.0, 25.0
 _CARS = frozenset({"car", "taxi"})
 
 
@@ -152,7 +152,7 @@ def _ahead(vehicle: _Vehicle, others: Sequence[_Vehicle], step: int) -> tuple[fl
             continue
         dx, dy = other.states[step, 0] - x, other.states[step, 1] - y
         along, beside = dx * np.cos(heading) + dy * np.sin(heading), dy * np.cos(heading) - dx * np.sin(heading)
-        if along > 0 and abs(beside) < _BESIDE_M:
+        if along > 0 and abs(beside) < _LATERAL_M:
             gaps.append((float(along) - (vehicle.length_m + other.length_m) / 2, other))
     return min(gaps, key=lambda gap: gap[0], default=None)
 

@@ -154,14 +154,14 @@ class Extract:
 
 
 @dataclass(frozen=True)
-class Asked:
+class QueryResult:
     """The result of a query: its format (json or xml), the elements and their notation."""
 
     format: str
     elements: tuple[dict[str, Any], ...]
 
 
-def run_query(text: str, extract: Extract) -> Asked:
+def run_query(text: str, extract: Extract) -> QueryResult:
     """Carry a query out on an extract.
 
     Raises:
@@ -180,14 +180,14 @@ class _Run:
         self._settings: dict[str, str] = {}
         self._out: list[dict[str, Any]] = []
 
-    def run(self) -> Asked:
+    def run(self) -> QueryResult:
         while self._peek() == "[":
             self._setting()
         if self._settings:
             self._take(";")
         while self._peek():
             self._statement()
-        return Asked(self._settings.get("out", "xml"), tuple(self._out))
+        return QueryResult(self._settings.get("out", "xml"), tuple(self._out))
 
     def _peek(self) -> str:
         return self._words[self._at] if self._at < len(self._words) else ""

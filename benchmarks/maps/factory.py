@@ -120,7 +120,7 @@ def measure(bench: MapsBench) -> Figures:
         jobs = [(Path(name), one.task.seed) for one, names in chosen for name in names]
         verdicts = iter(list(pool.map(judge_file, *zip(*jobs, strict=True)))) if jobs else iter(())
     judged = [(one, [next(verdicts) for _ in names]) for one, names in chosen]
-    _tell_faults(judged)
+    _print_faults(judged)
     return {
         **figures(judged),
         "factory_environment_s": round(made_in_s),
@@ -317,7 +317,7 @@ def _moved(task: MapTask, folder: Path) -> MapTask:
     return MapTask(task.path, task.country, task.place, task.km2, task.length_s, folder, task.seed)
 
 
-def _tell_faults(judged: Sequence[tuple[Produced, Sequence[FileVerdict]]]) -> None:
+def _print_faults(judged: Sequence[tuple[Produced, Sequence[FileVerdict]]]) -> None:
     """Print faults of generation and of the files, by generator, most frequent first."""
     for maker in (OURS, THEIRS):
         making: Counter[str] = Counter()

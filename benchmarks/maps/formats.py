@@ -2,15 +2,14 @@
 
 Keys:
 
-- ``opendrive_within_share``: share of the points of lanelet bounds within 0.1 m of the same bound in the exported
-  .xodr, or of the points on that bound (every 0.5 m) within 0.1 m of the lanelet's, whichever is smaller;
-  ``opendrive_max_m``: the largest distance. OpenDRIVE's formulas are evaluated here (reference line, lane offset,
-  widths).
+- ``opendrive_within_share``: the smaller of two shares: the points of lanelet bounds within 0.1 m of the same bound in
+  the exported .xodr, and the points on that bound (every 0.5 m) within 0.1 m of the lanelet's. ``opendrive_max_m``: the
+  largest distance. OpenDRIVE's formulas are evaluated here (reference line, lane offset, widths).
 - ``opendrive_valid``, ``openscenario_valid``: share of the files that ASAM's schema accepts.
 - ``openscenario_same_share``: share of the recorded poses with the same centre in the exported .xosc at the same time
   within 1 mm.
 - ``filled_networks_ok``: share of the public road networks that could be filled with new traffic and pass all checks of
-  the written file: CommonRoad's schema, unchanged lanelets, an ego and a goal, no overlap at the start;
+  the written file: CommonRoad's schema, unchanged lanelets, an ego and a goal, no overlap at the start.
   ``filled_networks``: number of networks tried.
 - ``lanelet2_read``: share of the lanelets of public networks, written as Lanelet2 by this module, that are read with
   the same id, bounds within 0.1 m and the same successors.

@@ -38,10 +38,10 @@ from plannerforge.evals.scoring.made_files import (
     EXIT_WITHIN_M,
     STREET_WITHIN_M,
     MadeFiles,
-    holds_vehicles,
+    has_vehicles,
+    is_at_street,
+    is_in_box,
     judge_density,
-    lies_at_street,
-    lies_in,
     shows_type,
 )
 from plannerforge.schemas.generation import GeneratedScenario
@@ -207,11 +207,11 @@ def _faults_of(request: BenchRequest, scenario_id: str, folder: Path, region: Re
         "breaks the schema": not schema_errors(folder / "scenario.xml"),
         f"shows no {stated}": shows_type(files, stated, region.evidence),
         f"is {stated}": asked.scenario_type in (stated, "any"),
-        "lacks vehicles": holds_vehicles(files, _required(asked.vehicles)),
-        "is elsewhere": lies_in(files, region.extract.box, _BEYOND_DEG),
-        "is outside the box": asked.bbox is None or lies_in(files, asked.bbox, _BEYOND_BOX_DEG),
+        "lacks vehicles": has_vehicles(files, _required(asked.vehicles)),
+        "is elsewhere": is_in_box(files, region.extract.box, _BEYOND_DEG),
+        "is outside the box": asked.bbox is None or is_in_box(files, asked.bbox, _BEYOND_BOX_DEG),
         "is at another street": request.street is None
-        or lies_at_street(files, request.street, region.towns, region.evidence, within_m),
+        or is_at_street(files, request.street, region.towns, region.evidence, within_m),
         "is in another country": asked.country in (None, scenario_id[:3]),
         "density": judge_density(files, asked.density, report.notes).honest,
         "duration": recorded,
@@ -299,7 +299,7 @@ class _FaultCase:
 
 
 _MIRRORS = ("one", "two", "three", "four")
-_TOLD: Mapping[FaultKind, str] = {
+_NOTES_BY_KIND: Mapping[FaultKind, str] = {
     "429": "429",
     "504": "504",
     "403": "refuses (403)",
@@ -320,7 +320,7 @@ def _fault_cases() -> list[_FaultCase]:
     service.
     """
     cases: list[_FaultCase] = []
-    for kind, told in _TOLD.items():
+    for kind, told in _NOTES_BY_KIND.items():
         often = Fault(kind, 2)
         cases.append(_FaultCase(f"{kind} of the first", {"one": (often,)}, True, (told,)))
         cases.append(

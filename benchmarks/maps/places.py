@@ -71,7 +71,7 @@ _NAME = re.compile(r"(name|(?:alt|official|short|loc|old|int)_name)(?::(?P<langu
 
 
 @dataclass(frozen=True)
-class _Asked:
+class _Query:
     """Words, the maps that they mean, and the road; ``road`` empty: a place. ``language`` empty: not known."""
 
     words: str
@@ -128,9 +128,9 @@ def _stem(path: Path) -> str:
     return path.name.partition(".")[0]
 
 
-def _written(stems: frozenset[str]) -> tuple[list[_Asked], frozenset[str]]:
+def _written(stems: frozenset[str]) -> tuple[list[_Query], frozenset[str]]:
     """Return the handwritten requests for the available extracts, and the tuned extracts."""
-    asked: list[_Asked] = []
+    asked: list[_Query] = []
     tuned: set[str] = set()
     is_tuned = True
     for line in WORDS.read_text(encoding="utf-8").splitlines():
@@ -141,11 +141,11 @@ def _written(stems: frozenset[str]) -> tuple[list[_Asked], frozenset[str]]:
         maps = frozenset(names.split("|"))
         tuned |= maps if is_tuned and len(maps) == 1 else frozenset()
         if maps <= stems:
-            asked.append(_Asked(words, maps, road, kind == "half", ""))
+            asked.append(_Query(words, maps, road, kind == "half", ""))
     return asked, frozenset(tuned)
 
 
-def _drawn(entries: Mapping[str, MapEntry]) -> list[_Asked]:
+def _drawn(entries: Mapping[str, MapEntry]) -> list[_Query]:
     """Return the requests drawn from the tags of the extracts, with every extract that has a name."""
     holders: dict[str, set[str]] = {}
     rows: dict[tuple[str, str, str], tuple[str, str]] = {}
@@ -160,7 +160,7 @@ def _drawn(entries: Mapping[str, MapEntry]) -> list[_Asked]:
         if drawn[stem, key] <= PER_KEY:
             match = _NAME.fullmatch(key)
             language = "" if match is None else match["language"] or ""
-            asked.append(_Asked(other, frozenset(holders[other]), road, half=False, language=language))
+            asked.append(_Query(other, frozenset(holders[other]), road, half=False, language=language))
     return asked
 
 
@@ -197,7 +197,7 @@ def _is_settled(tags: Mapping[str, str]) -> bool:
     return _SETTLED.fullmatch(tags.get("place", "")) is not None
 
 
-def _halves(entries: Mapping[str, MapEntry]) -> list[_Asked]:
+def _halves(entries: Mapping[str, MapEntry]) -> list[_Query]:
     """Return half-typed and compound requests for roads of each extract, chosen by a digest of their names."""
     asked = []
     for stem, entry in entries.items():
@@ -216,7 +216,7 @@ def _halves(entries: Mapping[str, MapEntry]) -> list[_Asked]:
         kinds = [_begun, _before, _behind] if largest else [_begun]
         words = [(kinds[index % len(kinds)](name, largest), name) for index, name in enumerate(chosen)]
         half = ((text, name) for text, name in words if text and text != name)
-        asked += [_Asked(text, frozenset([stem]), name, half=True, language="") for text, name in islice(half, HALVES)]
+        asked += [_Query(text, frozenset([stem]), name, half=True, language="") for text, name in islice(half, HALVES)]
     return asked
 
 
@@ -232,7 +232,7 @@ def _behind(name: str, place: str) -> str:
     return f"{place} {name}"
 
 
-def _is_right(asked: _Asked, maps: Sequence[MapEntry], stems: Mapping[str, str]) -> bool:
+def _is_right(asked: _Query, maps: Sequence[MapEntry], stems: Mapping[str, str]) -> bool:
     try:
         found = find_maps(maps, place=asked.words)
     except UnknownName as refusal:

@@ -2,21 +2,23 @@
 
 Keys:
 
-- ``batch_scenarios``: generated; ``batch_per_min``: scenarios per minute from the plan's call to its end, including
-  both restarts (the maps are read before, in ``batch_maps_s``); ``batch_cpu_s``: processor time of server and workers
+- ``batch_scenarios``: generated. ``batch_per_min``: scenarios per minute from the plan's call to its end, including
+  both restarts (the maps are read before, in ``batch_maps_s``). ``batch_cpu_s``: processor time of server and workers
   for each.
 - ``batch_memory_slope_mb``: memory growth of the server and its workers per thousand scenarios, one slope over all
-  samples, for each server after its first ``_WARM`` scenarios; ``batch_server_slope_mb``: the same for the server alone
-  (both are omitted with fewer than two samples).
+  samples, for each server after its first ``_WARM`` scenarios. ``batch_server_slope_mb``: the same for the server
+  alone. Both are omitted with fewer than two samples.
 - ``batch_server_mb``, ``batch_memory_mb``: peak memory of the server and of all processes.
 - ``batch_disk_kb``: size of the workspace per scenario, without its maps and the recordings cached by workers (512 MB
   at most).
-- ``batch_kills``; ``batch_lost``: scenarios with a missing or broken file or record, that vanished in a kill, that
-  were generated twice, or that are missing from the requested ones; ``batch_refused`` (attempts); ``batch_failed``.
+- ``batch_kills``, ``batch_refused`` (attempts), ``batch_failed``.
+- ``batch_lost``: scenarios with a missing or broken file or record, that vanished in a kill, that were generated twice,
+  or that are missing from the requested ones.
 - ``coverage_2way``: of the pairs of levels that the maps allow, the share that the files show by type, density, classes
-  and turn; ``coverage_pairs``: their number without ``batch_cannot``, the pairs that were refused three times and never
-  generated although a map holds the site type and the type has the turn (listed on standard error); ``coverage_asked``:
-  the share of all pairs, including refused ones.
+  and turn. ``coverage_pairs``: their number without ``batch_cannot``. ``coverage_asked``: the share of all pairs,
+  including refused ones.
+- ``batch_cannot``: the pairs that were refused three times and never generated although a map holds the site type and
+  the type has the turn (listed on standard error).
 - ``batch_shown``: share of the judged levels that the files show.
 
 ``evals/scoring/made_files.py`` judges the files as for single generations. Turns follow from the ego's heading at its

@@ -18,8 +18,8 @@ from plannerforge.engine.geometry import Points, length_m, project
 from plannerforge.evals.ground_truth.reach import (
     HARD_BRAKING_MPS2,
     LATERAL_MPS2,
+    adjacent_lanelets,
     all_after,
-    beside,
     changes_to,
     distances_m,
     lanelets_at_first,
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from commonroad.scenario.lanelet import LaneletNetwork
 
-BESIDE_M, ON_ROUTE_SHARE = 1.0, 0.95
+MARGIN_M, ON_ROUTE_SHARE = 1.0, 0.95
 """A vehicle follows lanelets if this share of its positions is on them or at most this far from them."""
 LINE_M = 0.5
 """A vehicle with its bumper at most this far past the end of a lanelet stands at the end."""
@@ -85,8 +85,11 @@ def arrives_on(network: "LaneletNetwork", track: Track, targets: Collection[int]
 
 def follows(network: "LaneletNetwork", lanelets: Collection[int], positions: Points) -> bool:
     """Return True if positions (n, 2) are on the lanelets or on their neighbours of the same direction."""
-    every = {*lanelets, *(key for lanelet in lanelets for key in beside(network.find_lanelet_by_id(lanelet)))}
-    areas = [network.find_lanelet_by_id(key).polygon.shapely_object.buffer(BESIDE_M) for key in sorted(every)]
+    every = {
+        *lanelets,
+        *(key for lanelet in lanelets for key in adjacent_lanelets(network.find_lanelet_by_id(lanelet))),
+    }
+    areas = [network.find_lanelet_by_id(key).polygon.shapely_object.buffer(MARGIN_M) for key in sorted(every)]
     area = shapely.union_all(areas)
     return float(np.mean(shapely.contains_xy(area, positions[:, 0], positions[:, 1]))) >= ON_ROUTE_SHARE
 
@@ -128,7 +131,9 @@ def _onwards(network: "LaneletNetwork", key: int) -> frozenset[int]:
 
     def following(key: int) -> list[int]:
         lanelet = network.find_lanelet_by_id(key)
-        ends = [lanelet] if lanelet.successor else [network.find_lanelet_by_id(one) for one in beside(lanelet)]
+        ends = (
+            [lanelet] if lanelet.successor else [network.find_lanelet_by_id(one) for one in adjacent_lanelets(lanelet)]
+        )
         return [one for end in ends for one in end.successor]
 
     return all_after([key], following)
@@ -218,7 +223,7 @@ class Journey:
     def _has_no_gap(self, index: int) -> bool:
         """Return True if it has to change lanes and another road user is alongside."""
         side = self._side_to_change_to(index)
-        return side is not None and not self._is_free_beside(index, side)
+        return side is not None and not self._is_free_on_side(index, side)
 
     def _others_at(self, index: int) -> Iterator[tuple[float, float, Track, int]]:
         """Return every other road user present: its centre's distance ahead and to the left, itself and its own
@@ -270,7 +275,7 @@ class Journey:
     def _side_from(self, key: int) -> int | None:
         lanelet, changes = self.network.find_lanelet_by_id(key), self._changes
         for side, other in ((1, lanelet.adj_left), (-1, lanelet.adj_right)):
-            if other in beside(lanelet) and changes.get(int(other), math.inf) < changes.get(key, math.inf):
+            if other in adjacent_lanelets(lanelet) and changes.get(int(other), math.inf) < changes.get(key, math.inf):
                 return side
         return None
 
@@ -280,10 +285,10 @@ class Journey:
 
     def _longest_gap_s(self, side: int) -> float:
         """Return the longest time for which the neighbouring lane was free enough for a change."""
-        free = (self._is_free_beside(index, side) for index in range(len(self.track.positions)))
+        free = (self._is_free_on_side(index, side) for index in range(len(self.track.positions)))
         return max(len(list(run)) if is_free else 0 for is_free, run in groupby(free)) * self.step_s
 
-    def _is_free_beside(self, index: int, side: int) -> bool:
+    def _is_free_on_side(self, index: int, side: int) -> bool:
         """Return True if no vehicle is alongside or so close ahead or behind there that a driver would not change
         lanes.
         """
@@ -300,7 +305,7 @@ def refusal_is_right(
 ) -> bool:
     """Return True if physics prevents sending a recorded vehicle to any of some lanelets from its first state on.
 
-    Either no route leads there, or every route has a curve that it reaches too fast, or it can neither change lanes nor
+    Either no route leads there, or every route has a curve that it reaches too fast. Or it can neither change lanes nor
     stop in the remaining distance v² / (2 · 8 m/s²), or that is too short to steer over however it brakes. A detour
     longer than ``farthest_m`` does not count.
     """
@@ -378,7 +383,7 @@ def _route_length_m(
     ``among``: the lanelets on which it begins; all lanelets under it if None or empty.
     """
     heading_rad = float(track.headings_rad[index])
-    aside = np.array([-math.sin(heading_rad), math.cos(heading_rad)]) * BESIDE_M
+    aside = np.array([-math.sin(heading_rad), math.cos(heading_rad)]) * MARGIN_M
     here = _inside(network, track, index)
     points = (here, here + aside, here - aside, fronts(track)[index])
     reached = [distances_m(network, point, heading_rad, among=among or None) for point in points]

@@ -17,7 +17,7 @@ from plannerforge.engine.execution import silent
 from plannerforge.engine.scene import Scene
 from plannerforge.engine.workspace import Recipe, Workspace
 from plannerforge.evals.ground_truth.modification import (
-    Asked,
+    EditRequest,
     Presets,
     corpus_refusal,
     drawn_refusals,
@@ -52,7 +52,7 @@ from .judges import (
 )
 from .round_trip import round_trip
 from .safety import Shift, executed, new_id, planner_run, shifts_of
-from .written import Written, enter_later_as_asked, is_strictly_valid, is_valid
+from .written import Written, enter_later_on_request, is_strictly_valid, is_valid
 
 POSITION_M, SPEED_MPS = 0.01, 0.01
 """Tolerances of the round trip."""
@@ -219,7 +219,7 @@ def measure_line(line: str, data: Path, effort: Effort) -> Measured:
             return Measured(not_to_refuse=(row["id"],))
         return Measured(refused_right=((row["id"], is_refused(path, refusal)),))
     truths = truth["edits"]
-    asked = Asked(row["task"].removeprefix("modification_"), tuple(edit_of(one) for one in truths), tuple(truths))
+    asked = EditRequest(row["task"].removeprefix("modification_"), tuple(edit_of(one) for one in truths), tuple(truths))
     scene = Scene.of(read_scenario(path))
     base = planner_run(path) if effort.planner else None
     with TemporaryDirectory() as folder:
@@ -230,14 +230,14 @@ def measure_line(line: str, data: Path, effort: Effort) -> Measured:
 def _first_possible(
     path: Path,
     scene: Scene,
-    asked: Sequence[Asked],
+    asked: Sequence[EditRequest],
     folder: Path,
     base: RunRecord | None,
     effort: Effort,
     *,
     name: str = "",
 ) -> Case:
-    """Carry out and check the first request that the scenario allows; return the last refusal if it allows none."""
+    """Carry out and check the first request that the scenario allows; return the last refusal otherwise."""
     tries: list[Refusal] = []
     for attempt, one in enumerate(asked):
         try:
@@ -252,7 +252,7 @@ def _first_possible(
     return Case(asked[0].task, name or path.stem, tries[-1].reason, tuple(tries))
 
 
-def _is_right(scene: Scene, asked: Asked, error: PlannerForgeError) -> bool | None:
+def _is_right(scene: Scene, asked: EditRequest, error: PlannerForgeError) -> bool | None:
     """Return whether a request had to be refused, by the bench's own rules; a worker's failure is not a refusal.
 
     A detour counts if the fastest recorded vehicle drives it before the scenario ends.
@@ -277,7 +277,7 @@ def _is_right(scene: Scene, asked: Asked, error: PlannerForgeError) -> bool | No
     )
 
 
-def _edited(path: Path, asked: Asked, folder: Path) -> tuple[ModificationOutcome, float, float]:
+def _edited(path: Path, asked: EditRequest, folder: Path) -> tuple[ModificationOutcome, float, float]:
     """Return the outcome with its wall and processor seconds, after removing files of earlier edits."""
     for left in folder.iterdir():
         left.unlink()
@@ -290,7 +290,7 @@ def _edited(path: Path, asked: Asked, folder: Path) -> tuple[ModificationOutcome
 
 
 def _checked(
-    path: Path, scene: Scene, asked: Asked, outcome: ModificationOutcome, name: str, *, every_vehicle: bool
+    path: Path, scene: Scene, asked: EditRequest, outcome: ModificationOutcome, name: str, *, every_vehicle: bool
 ) -> Case:
     written = Written.of(path, scene, asked.truths, outcome)
     checks: dict[str, bool] = {}
@@ -307,11 +307,11 @@ def _checked(
             arrives(written, key, frozenset(truth["target_lanelets"]))
             for index, truth in enumerate(written.truths)
             if truth["op"] == "reroute"
-            for key in sorted(written.meant_by(index))
+            for key in sorted(written.vehicles_of_edit(index))
         ),
         valid=is_valid(written),
         strictly_valid=is_strictly_valid(written),
-        enter_later=len(enter_later_as_asked(written)),
+        enter_later=len(enter_later_on_request(written)),
         untouched_identical=is_untouched_identical(written),
         touched=len(outcome.touched),
         handed_over=len(outcome.handed_over),
@@ -352,7 +352,7 @@ def _verdicts(written: Written, one: TouchedVehicle, track: Track) -> Physical:
     )
 
 
-def is_refused(path: Path, asked: Asked) -> bool:
+def is_refused(path: Path, asked: EditRequest) -> bool:
     """Return True if a request is refused with a reason that names the fault, and writes nothing."""
     with TemporaryDirectory() as folder:
         try:

@@ -1,7 +1,7 @@
 """``make bench-drivable``: how many recorded road users an edit can drive, and why it cannot drive the others.
 
-Keys: ``files``, ``unreadable`` (files), ``vehicles`` (recorded, of kinds that can be driven), ``drivable_share``, and
-for the rest ``off_lanelets`` (on no lanelet), ``against_lanes`` (from one lanelet to another in the opposite
+Keys: ``files``, ``unreadable`` (files), ``vehicles`` (recorded, of kinds that can be driven), and ``drivable_share``.
+The rest are ``off_lanelets`` (on no lanelet), ``against_lanes`` (from one lanelet to another in the opposite
 direction), ``beside_lanes`` (to a lanelet that starts next to or near the end of the first) and ``far_lanes`` (farther
 away).
 """

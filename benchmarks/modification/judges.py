@@ -47,7 +47,7 @@ def is_untouched_identical(written: Written) -> bool:
         key
         for index, truth in enumerate(written.truths)
         if truth["op"] not in ("set_goal", "add_vehicle")
-        for key in written.meant_by(index)
+        for key in written.vehicles_of_edit(index)
     }
     allowed = {str(key) for key in (*meant, *written.added(), *written.outcome.handed_over)}
     if any(truth["op"] == "set_goal" for truth in written.truths):
@@ -124,8 +124,8 @@ OWN_GAPS_M = {"motorcycle": 2.0, "bicycle": 0.5}
 def _behaviour_checks(written: Written, index: int) -> dict[str, bool]:
     """Check that each selected vehicle drove in SUMO by the requested parameters, with its former class and size."""
     truth = written.truths[index]
-    meant = sorted(written.meant_by(index) - written.meant_to_go())
-    named = written.meant_by(index) == set(written.outcome.edits[index].vehicles)
+    meant = sorted(written.vehicles_of_edit(index) - written.vehicles_to_remove())
+    named = written.vehicles_of_edit(index) == set(written.outcome.edits[index].vehicles)
     return {
         "tgt": bool(meant) and named and all(key in written.new for key in meant),
         "B_preset": bool(meant) and all(_has_parameters(written, truth, key) for key in meant),
@@ -161,7 +161,7 @@ def _reroute_checks(written: Written, index: int) -> dict[str, bool]:
     """Check that the vehicle follows a route that ends on the target, and that its body and all others are
     unchanged.
     """
-    truth, meant = written.truths[index], written.meant_by(index)
+    truth, meant = written.truths[index], written.vehicles_of_edit(index)
     targets = frozenset(int(key) for key in truth["target_lanelets"])
     through = frozenset(int(key) for key in truth.get("via", ()))
     told = meant == set(written.outcome.edits[index].vehicles)
@@ -194,7 +194,7 @@ def arrives(written: Written, key: int, targets: frozenset[int]) -> bool:
 
 def _others_stay(written: Written) -> bool:
     """Return True if all road users are there except those that the edits remove."""
-    return set(written.old) - set(written.new) == written.meant_to_go() & set(written.old)
+    return set(written.old) - set(written.new) == written.vehicles_to_remove() & set(written.old)
 
 
 def _routed_over(written: Written, key: int, lanelets: "frozenset[int] | set[int]") -> bool:
@@ -247,7 +247,7 @@ KINDS = {
 
 def _removal_checks(written: Written, index: int) -> dict[str, bool]:
     """Check that exactly the selected vehicles are gone."""
-    meant = written.meant_by(index)
+    meant = written.vehicles_of_edit(index)
     gone = not meant & set(written.new)
     told = meant == set(written.outcome.edits[index].vehicles)
     return {"P_count": bool(meant) and gone and told, "P_target": gone, "P_others": _others_stay(written)}
@@ -257,7 +257,7 @@ def _addition_checks(written: Written, index: int) -> dict[str, bool]:
     """Check number, class, place, time, speed and target of the added vehicles, and that all others stay."""
     truth, told = written.truths[index], written.outcome.edits[index].vehicles
     added = [key for key in told if key in written.added()]
-    left_out = [key for key in told if key in written.meant_to_go()]
+    left_out = [key for key in told if key in written.vehicles_to_remove()]
     there = [written.new[key] for key in added]
     return {
         "P_count": len(added) + len(left_out) == truth["count"] and _adds_up(written),
@@ -325,7 +325,7 @@ def _rooms(scene: Scene, place: Points, size: tuple[float, float]) -> list[shape
 def _adds_up(written: Written) -> bool:
     """Return True if the new file has exactly as many new road users as all edits together add."""
     asked = sum(truth["count"] for truth in written.truths if truth["op"] == "add_vehicle")
-    gone = written.meant_to_go() - set(written.old)
+    gone = written.vehicles_to_remove() - set(written.old)
     return len(written.added()) + len(gone) == int(asked)
 
 
@@ -381,7 +381,7 @@ def _goal_checks(written: Written, index: int) -> dict[str, bool]:
     """Check the written goal: on its lanelet, along it as requested, with the requested size and time.
 
     commonroad-io decides what is on a lanelet, because planners find the ego's route by it. Unnamed values must equal
-    the source's; a problem without a goal state has none to keep.
+    the source's; a problem without a goal state has no values to keep.
     """
     truth, network = written.truths[index], written.loaded.scenario.lanelet_network
     lanelet = network.find_lanelet_by_id(int(truth["lanelet"]))

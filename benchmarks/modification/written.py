@@ -33,7 +33,7 @@ Truth = Mapping[str, Any]
 ENTRY = "initialState/time/exact"
 SAME_LINE_M = 0.3
 """A lanelet's centre line this close to a lane's is the same lane."""
-BESIDE_M = 1.0
+MARGIN_M = 1.0
 """A vehicle up to this far from a lane is still on its route."""
 ENDS = (0.1, 0.5, 0.9)
 """The shares of a lanelet's length at which it must be on a lane to be that lane."""
@@ -71,7 +71,7 @@ class Written:
         """Return ids of the road users that the base lacks."""
         return tuple(key for key in self.new if key not in self.old)
 
-    def meant_by(self, index: int) -> frozenset[int]:
+    def vehicles_of_edit(self, index: int) -> frozenset[int]:
         """Return the ids of the vehicles that the edit at an index refers to, by the ground truth.
 
         Only if that leaves it open, as for a vehicle that another edit adds, the report decides.
@@ -86,10 +86,10 @@ class Written:
             return frozenset(reports[index].vehicles)
         return frozenset(named).union(*(reports[edit].vehicles for edit in added))
 
-    def meant_to_go(self) -> frozenset[int]:
+    def vehicles_to_remove(self) -> frozenset[int]:
         """Return ids of all road users that the edits remove."""
         going = [index for index, truth in enumerate(self.truths) if truth["op"] == "remove_vehicle"]
-        return frozenset().union(*(self.meant_by(index) for index in going))
+        return frozenset().union(*(self.vehicles_of_edit(index) for index in going))
 
 
 def entry_step(scene: Scene, truth: Truth) -> int:
@@ -103,7 +103,7 @@ def is_valid(written: Written) -> bool:
     commonroad-io has already read the file.
     """
     tree = etree.parse(written.loaded.path)
-    excused = {str(key) for key in enter_later_as_asked(written)}
+    excused = {str(key) for key in enter_later_on_request(written)}
     for obstacle in tree.getroot():
         entry = obstacle.find(ENTRY) if obstacle.get("id") in excused else None
         if entry is not None:
@@ -116,7 +116,7 @@ def is_strictly_valid(written: Written) -> bool:
     return _anonymous(schema_errors(written.loaded.path), written.loaded) <= _known(written)
 
 
-def enter_later_as_asked(written: Written) -> frozenset[int]:
+def enter_later_on_request(written: Written) -> frozenset[int]:
     """Return the ids of the added vehicles that enter after time 0 because an edit requests it, at that step or later.
 
     Another check judges whether they enter as soon as possible.
@@ -183,7 +183,7 @@ class _SumoRecord:
     def share_on_route(self, track: Track) -> float:
         """Return the share of states with the centre or front on the lanes of the vehicle's route, or within 1 m."""
         lanes = self._lanes_of(track.obstacle_id)
-        area = shapely.union_all([lane.line.buffer(lane.width_m / 2 + BESIDE_M) for lane in lanes])
+        area = shapely.union_all([lane.line.buffer(lane.width_m / 2 + MARGIN_M) for lane in lanes])
         centres, ahead = (shapely.contains_xy(area, *points.T) for points in (track.positions, fronts(track)))
         return float(np.mean(centres | ahead))
 

@@ -1,7 +1,7 @@
 """Newly drawn planning problems, and the planners' outcomes on them.
 
 Any recorded car of a scenario replaces the ego at any step of its recording. Its goal is its last recorded position, at
-any time until then.
+any time up to the recording's end.
 """
 
 import random
@@ -71,7 +71,7 @@ def drawn_problem(
 
 
 def _problem_of(car: Track, index: int) -> PlanningProblem:
-    """Return the problem from one of the car's states to its last recorded position, at any step until then."""
+    """Return the problem from one of the car's states to its last recorded position, at any step up to its last."""
     start = InitialState(
         time_step=car.first_step + index,
         position=np.array(car.positions[index], dtype=float),

@@ -1,9 +1,9 @@
 """``make bench-reactive``: rear hits of an ego that brakes to a standstill.
 
-Scenarios with a follower in the ego's lane are driven with recorded and with reactive traffic: by a planner that brakes
-at once with 6 m/s², and by each built-in planner, which drives for a second before the ego brakes in the same way. A
-rear hit is one by a vehicle that followed the ego in its lane when it began to brake. A vehicle that the ego cuts in on
-while it brakes, because its reference path changes lanes, does not count.
+Scenarios with a follower in the ego's lane are driven with recorded and with reactive traffic. The planners are one
+that brakes at once with 6 m/s², and each built-in planner, which drives for a second before the ego brakes in the same
+way. A rear hit is one by a vehicle that followed the ego in its lane when it began to brake. A vehicle that the ego
+cuts in on while it brakes, because its reference path changes lanes, does not count.
 
 Keys: ``scenarios`` (with a follower), ``runs`` (with one traffic), ``recorded_rear_hits``, ``reactive_rear_hits``,
 ``reactive_step_ms`` (median duration of a step of the reactive traffic).
@@ -60,7 +60,7 @@ _TRIES = 8
 _MODES: tuple[Traffic, ...] = ("recorded", "reactive")
 _BRAKES_AFTER_S = {"at once": 0.0} | dict.fromkeys(PLANNERS, 1.0)
 """The planner that drives before the ego brakes, and its duration."""
-_BEHIND_M, _BESIDE_M, _ALIKE_RAD, _SLOWEST_MPS = 60.0, 1.75, 0.5, 1.0
+_BEHIND_M, _LATERAL_M, _ALIKE_RAD, _SLOWEST_MPS = 60.0, 1.75, 0.5, 1.0
 """Largest longitudinal and lateral distance from the ego (half a lane), largest difference of headings, and lowest
 speed of a follower (chosen).
 """
@@ -151,7 +151,7 @@ def _follows(other: Track, ego: EgoState) -> bool:
         return False
     ahead_m, left_m = ahead_and_left_m(other.positions[index], ego.position, ego.heading_rad)
     alike = abs(wrap_angle(float(other.headings_rad[index]) - ego.heading_rad)) < _ALIKE_RAD
-    return 0.0 < -ahead_m < _BEHIND_M and abs(left_m) < _BESIDE_M and alike
+    return 0.0 < -ahead_m < _BEHIND_M and abs(left_m) < _LATERAL_M and alike
 
 
 def _braked(loaded: LoadedScenario, name: str, traffic: Traffic) -> _BrakedRun:

@@ -272,7 +272,7 @@ def _long_list(hole: _Hole) -> _Made:
     return (Call(tool, {**beside, name: [item] * count}),), ()
 
 
-def _net_beside(hole: _Hole) -> _Made:
+def _net_next_to_scenario(hole: _Hole) -> _Made:
     """Return an invalid, huge or linked network file next to a scenario."""
     scenario = hole.scenario()
     scenario.set("benchmarkID", f"ZAM_Net-{hole.chance.randint(1, 10**6)}_1_T-1")
@@ -439,7 +439,7 @@ _HOLES: dict[str, Callable[[_Hole], _Made]] = {
     "forging author": _forging_author,
     "many planning problems": _many_problems,
     "long list": _long_list,
-    "network beside": _net_beside,
+    "network beside": _net_next_to_scenario,
     "impossible numbers": _impossible_numbers,
     "impossible numbers again": _impossible_numbers,
     "strange map": _strange_map,

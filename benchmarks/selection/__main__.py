@@ -152,7 +152,7 @@ async def _pages(settings: Settings, folder: Path, requests: Sequence[Request]) 
 
 
 def _page_figures(pages: Sequence[Answered]) -> dict[str, float]:
-    """Measure over all pages of the tool: matches if there should be some, and no match if there should be none."""
+    """Measure over all pages of the tool: matches if there should be some, and no match otherwise."""
     with_answer = [answer for answer in pages if answer.request.expect == "ok"]
     empty = [answer for answer in pages if answer.request.expect == "empty"]
     return {

@@ -1,9 +1,9 @@
 """The player with many vehicles in a headless Chromium: its drawing speed during playback.
 
-Keys: ``app_fps`` (frames per second during playback with all vehicles in view; a screen shows at most 60),
-``app_frame_ms`` (median time of the page's scripts for a frame), ``app_frame_ms_95`` (95th percentile),
-``app_vehicles``, ``app_page_mb`` (size of the page), ``app_follow_fps`` (frames per second while the view follows the
-ego).
+Keys: ``app_fps``: frames per second during playback with all vehicles in view; a screen shows at most 60.
+``app_frame_ms``, ``app_frame_ms_95``: median and 95th percentile of the time of the page's scripts for a frame.
+``app_follow_fps``: frames per second while the view follows the ego. ``app_vehicles``, ``app_page_mb``: number of
+vehicles and size of the page.
 
 A browser without a graphics card draws on the processor.
 """

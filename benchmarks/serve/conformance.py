@@ -34,7 +34,7 @@ KNOWN = {"conformance_2026": 195, "conformance_2025": 81, "conformance_all": 230
 """Passing checks in this version of the suite: fewer are a failure, even without a failed check."""
 REASONS = {
     "server-sse-polling": "no event of a stream is kept to be sent again: the SDK has one store for all sessions, with "
-    "streams known by the ids of requests, which clients share; a client whose connection broke asks anew",
+    "streams known by the ids of requests, which clients share; after a broken connection, a client asks anew",
     "tasks-status-notifications": "the suite itself makes no check of it in this version",
 }
 """Why scenarios without a check do not apply."""

@@ -97,7 +97,7 @@ class NoArguments(Arguments):
     """Take nothing."""
 
 
-class Said(Result):
+class Sentence(Result):
     """A sentence."""
 
     text: str
@@ -107,48 +107,48 @@ class Said(Result):
         return Answer(self.text)
 
 
-async def greet(arguments: NameArguments, call: ToolCall) -> Said:
+async def greet(arguments: NameArguments, call: ToolCall) -> Sentence:
     """Greet at once."""
     del call
-    return Said(text=f"Hello, {arguments.name}!")
+    return Sentence(text=f"Hello, {arguments.name}!")
 
 
-async def greet_later(arguments: NameArguments, call: ToolCall) -> Said:
+async def greet_later(arguments: NameArguments, call: ToolCall) -> Sentence:
     """Greet after the call has become a task."""
     del call
     await anyio.sleep(_LATER_S)
-    return Said(text=f"Hello, {arguments.name}!")
+    return Sentence(text=f"Hello, {arguments.name}!")
 
 
-async def slow_compute(arguments: SlowArguments, call: ToolCall) -> Said:
+async def slow_compute(arguments: SlowArguments, call: ToolCall) -> Sentence:
     """Take some time."""
     del call
     await anyio.sleep(arguments.seconds)
-    return Said(text=f"computed {arguments.label}")
+    return Sentence(text=f"computed {arguments.label}")
 
 
-async def failing_job(arguments: NoArguments, call: ToolCall) -> Said:
+async def failing_job(arguments: NoArguments, call: ToolCall) -> Sentence:
     """Take a second, then refuse."""
     del arguments, call
     await anyio.sleep(1.0)
     raise NotPossible("this tool always fails")
 
 
-async def protocol_error_job(arguments: NoArguments, call: ToolCall) -> Said:
+async def protocol_error_job(arguments: NoArguments, call: ToolCall) -> Sentence:
     """Wait briefly, then break the protocol."""
     del arguments, call
     await anyio.sleep(0.5)
     raise MCPError(INTERNAL_ERROR, "this tool always breaks")
 
 
-async def confirm_delete(arguments: FileArguments, call: ToolCall) -> Said:
+async def confirm_delete(arguments: FileArguments, call: ToolCall) -> Sentence:
     """Ask as a task."""
     await anyio.sleep(_LATER_S)
     chosen = await call.ask(Question(f"Delete {arguments.filename}?", ("yes", "no")))
-    return Said(text=f"{arguments.filename}: {chosen}")
+    return Sentence(text=f"{arguments.filename}: {chosen}")
 
 
-async def multi_input(arguments: NoArguments, call: ToolCall) -> Said:
+async def multi_input(arguments: NoArguments, call: ToolCall) -> Sentence:
     """Ask two questions at once, as a task."""
     del arguments
     await anyio.sleep(_LATER_S)
@@ -160,7 +160,7 @@ async def multi_input(arguments: NoArguments, call: ToolCall) -> Said:
     async with anyio.create_task_group() as group:
         group.start_soon(ask, "First?")
         group.start_soon(ask, "Second?")
-    return Said(text=f"{len(answers)} answers")
+    return Sentence(text=f"{len(answers)} answers")
 
 
 _GRACE_S, _LATER_S = 0.1, 0.4
@@ -304,7 +304,7 @@ def _accepted(context: Context[Any, Any], key: str, name: str) -> Any:
     return (given.content or {}).get(name)
 
 
-async def _name_asked(context: Context[Any, Any], arguments: Mapping[str, Any]) -> CallToolResult | InputRequiredResult:
+async def _use_name(context: Context[Any, Any], arguments: Mapping[str, Any]) -> CallToolResult | InputRequiredResult:
     del arguments
     name = _accepted(context, "user_name", "name")
     if isinstance(name, str):
@@ -312,7 +312,7 @@ async def _name_asked(context: Context[Any, Any], arguments: Mapping[str, Any]) 
     return InputRequiredResult(input_requests={"user_name": _elicit("What is your name?", name="string")})
 
 
-async def _capital_asked(
+async def _use_capital(
     context: Context[Any, Any], arguments: Mapping[str, Any]
 ) -> CallToolResult | InputRequiredResult:
     del arguments
@@ -322,9 +322,7 @@ async def _capital_asked(
     return InputRequiredResult(input_requests={"capital_question": _sample("What is the capital of France?", 100)})
 
 
-async def _roots_asked(
-    context: Context[Any, Any], arguments: Mapping[str, Any]
-) -> CallToolResult | InputRequiredResult:
+async def _use_roots(context: Context[Any, Any], arguments: Mapping[str, Any]) -> CallToolResult | InputRequiredResult:
     del arguments
     given = (context.input_responses or {}).get("client_roots")
     if given is not None and hasattr(given, "roots"):
@@ -341,7 +339,7 @@ async def _state_kept(context: Context[Any, Any], arguments: Mapping[str, Any]) 
     )
 
 
-async def _several_asked(
+async def _use_several(
     context: Context[Any, Any], arguments: Mapping[str, Any]
 ) -> CallToolResult | InputRequiredResult:
     del arguments
@@ -471,19 +469,19 @@ _FIXTURES: dict[str, tuple[dict[str, Any], Fixture]] = {
     "test_reconnection": (_NO_ARGUMENTS, _reconnecting),
     "json_schema_2020_12_tool": (_RICH_SCHEMA, _constant(_TEXT)),
     "test_custom_headers": (_HEADER_SCHEMA, _constant(_TEXT)),
-    "test_input_required_result_elicitation": (_NO_ARGUMENTS, _name_asked),
-    "test_input_required_result_sampling": (_NO_ARGUMENTS, _capital_asked),
-    "test_input_required_result_list_roots": (_NO_ARGUMENTS, _roots_asked),
+    "test_input_required_result_elicitation": (_NO_ARGUMENTS, _use_name),
+    "test_input_required_result_sampling": (_NO_ARGUMENTS, _use_capital),
+    "test_input_required_result_list_roots": (_NO_ARGUMENTS, _use_roots),
     "test_input_required_result_request_state": (_NO_ARGUMENTS, _state_kept),
     "test_input_required_result_tampered_state": (_NO_ARGUMENTS, _state_kept),
-    "test_input_required_result_multiple_inputs": (_NO_ARGUMENTS, _several_asked),
+    "test_input_required_result_multiple_inputs": (_NO_ARGUMENTS, _use_several),
     "test_input_required_result_multi_round": (_NO_ARGUMENTS, _rounds),
     "test_input_required_result_capabilities": (_NO_ARGUMENTS, _only_declared),
     "test_missing_capability": (_NO_ARGUMENTS, _needs_sampling),
-    "test_streaming_elicitation": (_NO_ARGUMENTS, _name_asked),
+    "test_streaming_elicitation": (_NO_ARGUMENTS, _use_name),
     "test_trigger_tool_change": (_NO_ARGUMENTS, _tools_changed),
     "test_trigger_prompt_change": (_NO_ARGUMENTS, _prompts_changed),
-    "test_tool_with_task": (_NO_ARGUMENTS, _name_asked),
+    "test_tool_with_task": (_NO_ARGUMENTS, _use_name),
 }
 _RESOURCES = {
     "test://static-text": ("text/plain", "This is the content of the static text resource."),
@@ -523,7 +521,7 @@ _PROMPTS = {
 }
 
 
-async def _asked_then_begun(
+async def _ask_then_begin(
     context: ServerRequestContext[Any], request: CallToolRequestParams, go_on: Callable[..., Awaitable[Any]]
 ) -> Any:
     """Ask for a name; with the answer, call the server's tool that becomes a task."""
@@ -570,7 +568,7 @@ def add_fixtures(server: Any) -> None:
         if request.name == "failing_job":
             require_client_extension(context, tasks.EXTENSION)
         if request.name == "test_tool_with_task":
-            return await _asked_then_begun(context, request, known["tools/call"].handler)
+            return await _ask_then_begin(context, request, known["tools/call"].handler)
         if request.name not in _FIXTURES:
             return None
         inner: Context[Any, Any] = Context(
@@ -660,7 +658,7 @@ def _main() -> None:
     given = parser.parse_args()
     tasks.GRACE_S = _GRACE_S
     settings = Settings(warm_up=False, maps_online="offline", starter=False, http_rate=10_000.0, http_calls=256)
-    server = create_server(settings, beside=_SPECS)
+    server = create_server(settings, extra_tools=_SPECS)
     add_fixtures(server)
     with bound("127.0.0.1", given.port) as listener:
         anyio.run(HttpServer(server, settings).serve, listener)

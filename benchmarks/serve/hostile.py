@@ -19,7 +19,7 @@ from ..robustness.server_process import plannerforge_server
 from .bench import ServeBench
 
 _SEED = 1
-_MOST_TOLD = 20
+_MOST_LISTED = 20
 
 
 def measure(bench: ServeBench) -> Figures:
@@ -32,9 +32,9 @@ def measure(bench: ServeBench) -> Figures:
             raise
         sys.stderr.write("interrupted: the figures are of what was sent till now\n")
     (tally,) = sent
-    for finding in tally.findings[:_MOST_TOLD]:
+    for finding in tally.findings[:_MOST_LISTED]:
         sys.stderr.write(f"{finding.fault.law}: {finding.hostile.cause}: {finding.fault.details}\n")
-    for text in (*tally.deaths, *tally.outside_writes, *tally.journal_faults)[:_MOST_TOLD]:
+    for text in (*tally.deaths, *tally.outside_writes, *tally.journal_faults)[:_MOST_LISTED]:
         sys.stderr.write(f"{text}\n")
     return as_measured(
         {

@@ -3,9 +3,9 @@
 After each kill its processes must be gone and the workspace consistent. The next server continues, and the last one
 runs undisturbed.
 
-Keys: ``kills``; ``lost`` (artifacts reported to a client that are missing); ``broken`` (inconsistent records, files,
-catalogue and jobs after a kill); ``left_processes`` (of a killed server); ``kept`` (artifacts reported to clients that
-exist); ``kill_errors`` (failed calls of the last server's clients).
+Keys: ``kills``. ``lost``: artifacts reported to a client that are missing. ``kept``: artifacts reported to clients that
+exist. ``broken``: inconsistent records, files, catalogue and jobs after a kill. ``left_processes``: of a killed server.
+``kill_errors``: failed calls of the last server's clients.
 """
 
 import os
@@ -24,7 +24,7 @@ from ..faults.mixed_load import broken
 from ..faults.processes import MARK, command_of, marked, remaining
 from ..harness import Figures
 from .bench import ServeBench
-from .http_load import LoadClient, Tally, Told, token_settings, tokens_of_clients
+from .http_load import LoadClient, ReportedArtifact, Tally, token_settings, tokens_of_clients
 
 _SEED = 20261124
 _CLIENTS = 4
@@ -36,7 +36,7 @@ _EARLIEST_S, _LATEST_S, _LAST_S = 1.0, 12.0, 15.0
 class _Seen:
     """The results of all servers."""
 
-    told: set[Told] = field(default_factory=set)
+    told: set[ReportedArtifact] = field(default_factory=set)
     faults: list[str] = field(default_factory=list)
     left: list[str] = field(default_factory=list)
 
@@ -101,7 +101,7 @@ async def _one_client(url: str, name: str, token: str, mode: str, tally: Tally) 
         await LoadClient(name, client, tally).work_until(float("inf"))
 
 
-def lost_of(root: Path, told: set[Told]) -> list[str]:
+def lost_of(root: Path, told: set[ReportedArtifact]) -> list[str]:
     """Describe what the workspace lacks of these."""
     workspace = Workspace(root)
     try:

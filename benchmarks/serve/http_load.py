@@ -7,8 +7,7 @@ refer to this client's latest. A refusal that states a limit of the server (429)
 Keys:
 
 - ``http_errors``: calls that failed or got a wrong answer; ``http_limited``: refused by a stated limit; ``http_calls``.
-- ``http_edits``, ``http_runs``: new scenarios and runs of the clients (omitted if there were none, because that is
-  another load).
+- ``http_edits``, ``http_runs``: new scenarios and runs of the clients (omitted if 0, because that is another load).
 - ``http_minutes``.
 - ``memory_slope_mb_per_h``: of the server's process, least squares over the last two thirds (omitted with fewer than
   two samples); ``memory_start_mb``, ``memory_end_mb``: at the start and end of these.
@@ -37,13 +36,13 @@ from .bench import ServeBench
 _SAMPLE_S = 2.0
 _WARM_UP_SHARE = 1 / 3
 """Share of the time without effect on the slope of memory (chosen), in which caches and worker pools fill."""
-_MOST_TOLD = 10
+_MOST_LISTED = 10
 _RANDOM_SEED = 21
 _READ_BYTES = 700_000
 """Largest resource to read: the SDK's client accepts no event of more than 1 MiB (docs/http.md)."""
 
 
-class Told(NamedTuple):
+class ReportedArtifact(NamedTuple):
     """An artifact reported to a client."""
 
     kind: ArtifactKind
@@ -60,7 +59,7 @@ class Tally:
     errors: list[str] = field(default_factory=list)
     memory: list[tuple[float, float]] = field(default_factory=list)
     """Seconds since the start, megabytes of the server's process."""
-    told: set[Told] = field(default_factory=set)
+    told: set[ReportedArtifact] = field(default_factory=set)
     """Artifacts reported to clients, by kind and id."""
 
 
@@ -137,7 +136,7 @@ class LoadClient:
         if made is None:
             return
         self._edited = made["scenario_id"]
-        self._tally.told.add(Told("scenario", self._edited))
+        self._tally.told.add(ReportedArtifact("scenario", self._edited))
         told = await self._call("describe_scenario", scenario_id="latest")
         own = (told or {}).get("scenario_id")
         self._expect(told is None or own == self._edited, "latest", f"{own} is not {self._edited}")
@@ -147,7 +146,7 @@ class LoadClient:
         made = await self._call("configure_planner", base="frenetix:Default", weights=[weight])
         if made is None:
             return
-        self._tally.told.add(Told("config", made["config_id"]))
+        self._tally.told.add(ReportedArtifact("config", made["config_id"]))
         told = await self._call("list_planners")
         own = (told or {}).get("config_id")
         self._expect(told is None or own == made["config_id"], "current", f"{own} is not the own one")
@@ -159,7 +158,7 @@ class LoadClient:
         ran = await self._call("run_planner", scenarios=[self._edited], configs=["idm"], wait_s=50)
         if ran is None:
             return
-        self._tally.told |= {Told("run", run["run_id"]) for run in ran["runs"]}
+        self._tally.told |= {ReportedArtifact("run", run["run_id"]) for run in ran["runs"]}
         self._expect(ran["finished"] == 1, "run_planner", f"not one run: {ran}")
 
     async def _resources(self) -> None:
@@ -181,7 +180,7 @@ def measure(bench: ServeBench) -> Figures:
     tokens = tokens_of_clients(bench.clients)
     with http_process(folder, settings=token_settings(tokens)) as server:
         anyio.run(_load, server, tokens, bench.minutes * 60.0, tally)
-    for error in tally.errors[:_MOST_TOLD]:
+    for error in tally.errors[:_MOST_LISTED]:
         sys.stderr.write(f"{error}\n")
     calls = sum(tally.calls.values())
     fewest = min(tally.calls[name] for name in tokens)

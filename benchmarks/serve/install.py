@@ -43,7 +43,7 @@ LEFT_OUT = ("polygon3",)
 """Dependencies that nothing imports (docs/install.md)."""
 
 
-class Taken(NamedTuple):
+class InstallTimes(NamedTuple):
     """Seconds of the packages, of the host's settings and of the first answer; megabytes of the environment."""
 
     packages_s: float
@@ -69,8 +69,8 @@ def measure(bench: ServeBench) -> Figures:
     folder = bench.folder("install")
     wheel = _built(folder / "dist")
     uv = _uv(folder)
-    cold = _taken(folder / "cold", lambda place: _by_pip(place, wheel, "--no-cache-dir"))
-    warm = _taken(folder / "warm", lambda place: _by_pip(place, wheel))
+    cold = _measured(folder / "cold", lambda place: _by_pip(place, wheel, "--no-cache-dir"))
+    warm = _measured(folder / "warm", lambda place: _by_pip(place, wheel))
     figures: dict[str, float | int | str] = {
         "install_s": warm.all_s,
         "install_packages_s": warm.packages_s,
@@ -80,13 +80,13 @@ def measure(bench: ServeBench) -> Figures:
         "install_cold_s": cold.all_s,
     }
     if uv is not None:
-        figures["install_uv_cold_s"] = _taken(folder / "uv-cold", lambda place: _by_uv(place, wheel, uv)).all_s
-        by_uv = _taken(folder / "uv-warm", lambda place: _by_uv(place, wheel, uv))
+        figures["install_uv_cold_s"] = _measured(folder / "uv-cold", lambda place: _by_uv(place, wheel, uv)).all_s
+        by_uv = _measured(folder / "uv-warm", lambda place: _by_uv(place, wheel, uv))
         figures |= {"install_uv_s": by_uv.all_s, "install_uv_mb": by_uv.megabytes}
     return figures
 
 
-def _taken(folder: Path, install: Callable[[Path], None]) -> Taken:
+def _measured(folder: Path, install: Callable[[Path], None]) -> InstallTimes:
     """Install in one way from nothing to the first answer, and remove the environment afterwards."""
     environment, home = folder / "venv", folder / "home"
     home.mkdir(parents=True)
@@ -103,7 +103,7 @@ def _taken(folder: Path, install: Callable[[Path], None]) -> Taken:
     size = sum(file.stat().st_size for file in environment.rglob("*") if file.is_file() and not file.is_symlink())
     shutil.rmtree(environment)
     sys.stderr.write(f"install: {folder.name}: {answered - begun:.1f} s\n")
-    return Taken(
+    return InstallTimes(
         round(installed - begun, 1), round(settled - installed, 2), round(answered - settled, 2), round(size / _BYTES)
     )
 

@@ -1,8 +1,8 @@
 """``make bench-server``: the server's overhead over an ``MCPServer`` without tools in the same run.
 
-Keys: ``start_ratio`` (process start to first answer, median of the paired ratios), ``call_memory_ms``,
-``call_stdio_ms`` (medians of a call that reads the workspace), ``kill_error_s`` (worker killed → error at the client),
-``cancel_gone_s`` (call cancelled → worker gone), ``close_gone_s`` (client closed → server and workers gone; the worst).
+Keys: ``start_ratio``: process start to first answer, median of the paired ratios. ``call_memory_ms``,
+``call_stdio_ms``: medians of a call that reads the workspace. ``kill_error_s``: worker killed → error at the client.
+``cancel_gone_s``: call cancelled → worker gone. ``close_gone_s``: client closed → server and workers gone; the worst.
 """
 
 import os

@@ -36,13 +36,13 @@ from .relations import Frame
 
 Answer = dict[str, Any]
 PLANNER = "frenetix:Default"
-PLACE_M, TOLD_M = 0.011, 0.11
+PLACE_M, DESCRIPTION_M = 0.011, 0.11
 """Rules round places to a centimetre, and descriptions to 0.1 m or m/s."""
 _NUMBER = re.compile(r"\d+(\.\d+)?")
 
 
 @dataclass(frozen=True)
-class Asked:
+class TranslatedFile:
     """A file and how to translate it back; ``edit`` is the edit for its judge, in the original's terms."""
 
     path: Path
@@ -75,7 +75,7 @@ def _read_facts(path: Path) -> ScenarioFacts:
     return read_facts(ReadFactsRequest(path=path), silent)
 
 
-def _facts(asked: Asked) -> Answer:
+def _facts(asked: TranslatedFile) -> Answer:
     """Return the facts of the catalogue without the computed features."""
     facts, frame = _read_facts(asked.path), asked.frame
     answer: Answer = {
@@ -114,7 +114,7 @@ def _ego(frame: Frame, ego: EgoFacts) -> Answer:
     }
 
 
-def _features(asked: Asked) -> Answer:
+def _features(asked: TranslatedFile) -> Answer:
     """Return the computed features of every planning problem; left and right are the original's."""
     return {
         f"ego {asked.frame.element(ego.problem_id)}": tuple(sorted(map(asked.frame.sided, ego.features)))
@@ -125,7 +125,7 @@ def _features(asked: Asked) -> Answer:
 # Rules, the recording, criticality
 
 
-def _rules(asked: Asked) -> Answer:
+def _rules(asked: TranslatedFile) -> Answer:
     """Return the findings' places by rule and elements (empty if a lanelet was cut)."""
     checked, frame = check_file(asked.path), asked.frame
     found: dict[str, list[tuple[float, float]]] = {"unreadable": [] if not checked.unreadable else [(0.0, 0.0)]}
@@ -143,7 +143,7 @@ def _tracks_of(path: Path) -> tuple[dict[int, Track], dict[int, Track]]:
     return recorded.tracks, static_tracks(recorded.loaded.scenario, 0)
 
 
-def _recording(asked: Asked) -> Answer:
+def _recording(asked: TranslatedFile) -> Answer:
     """Return the road users as the product reads them."""
     moving, standing = _tracks_of(asked.path)
     answer: Answer = {}
@@ -164,7 +164,7 @@ def _track(frame: Frame, track: Track, first_step: int | None, name: str = "") -
     }
 
 
-def _criticality(asked: Asked) -> Answer:
+def _criticality(asked: TranslatedFile) -> Answer:
     """Return the criticality of the longest recorded road user's drive among the others."""
     moving, standing = _tracks_of(asked.path)
     if not moving:
@@ -200,7 +200,7 @@ def rewritten(path: Path, folder: Path) -> Path:
     return written
 
 
-def _description(asked: Asked) -> Answer:
+def _description(asked: TranslatedFile) -> Answer:
     """Return the description's text: the ego's route, the vehicles' positions, the lanelets' successors."""
     request = DescribeRequest(path=asked.path, detail="vehicles", focus=None, radius_m=80.0)
     told, frame = describe(request, silent), asked.frame
@@ -221,7 +221,7 @@ def _description(asked: Asked) -> Answer:
     return answer
 
 
-def _checks(asked: Asked) -> Answer:
+def _checks(asked: TranslatedFile) -> Answer:
     """Return the results of generation's own checks of the file, for an ego that keeps its initial motion.
 
     Empty if the goal is not a region, as generated goals are.
@@ -289,7 +289,7 @@ def _there(edit: Edit, frame: Frame, step_s: float) -> Edit:
     return edit.model_copy(update=changed)
 
 
-def _edited(asked: Asked) -> Answer:
+def _edited(asked: TranslatedFile) -> Answer:
     """Return the refusal by its reason, or the touched vehicles and their motions."""
     if asked.edit is None:
         return {}
@@ -325,7 +325,7 @@ def _name(frame: Frame, key: int, known: set[int]) -> str:
     return str(frame.element(key)) if key in known else "added"
 
 
-def _run(asked: Asked) -> Answer:
+def _run(asked: TranslatedFile) -> Answer:
     """Return the end and the motion of a run of the default planner."""
     request = RunRequest(
         run_id="symmetry", scenario_path=str(asked.path), scenario_id="symmetry", configuration=built_in(PLANNER)
@@ -348,7 +348,7 @@ def _run(asked: Asked) -> Answer:
     }
 
 
-Judge = Callable[[Asked], Answer]
+Judge = Callable[[TranslatedFile], Answer]
 CHEAP: Final[Mapping[str, Judge]] = {
     "facts": _facts,
     "features": _features,

@@ -17,7 +17,7 @@ import numpy as np
 
 from plannerforge.schemas.errors import PlannerForgeError
 
-from .answers import CHEAP, DEAR, PLACE_M, TOLD_M, Answer, Asked, canonical, drawn_edit, rewritten
+from .answers import CHEAP, DEAR, DESCRIPTION_M, PLACE_M, Answer, TranslatedFile, canonical, drawn_edit, rewritten
 from .relations import RELATIONS, DoesNotApply, Frame, Relation, read_root, write_root
 
 DOCUMENT = "document"
@@ -69,10 +69,10 @@ def measure(task: Task) -> list[Case]:
                     cases.append(_document_case(relation, seed, original, path, folder))
                     continue
                 if judge not in before:
-                    before[judge] = _answer(judge, Asked(original, Frame(), edit))
+                    before[judge] = _answer(judge, TranslatedFile(original, Frame(), edit))
                 if not before[judge]:  # the judge has nothing to say about this file
                     continue
-                after = _answer(judge, Asked(path, frame, edit))
+                after = _answer(judge, TranslatedFile(path, frame, edit))
                 cases.append(_case(task.path.name, relation, frame, judge, before[judge], after))
     return cases
 
@@ -81,7 +81,7 @@ def _asks_edit(task: Task) -> bool:
     return any("edit" in judges for judges in task.judges.values())
 
 
-def _answer(judge: str, asked: Asked) -> Answer:
+def _answer(judge: str, asked: TranslatedFile) -> Answer:
     """Return a judge's answer; a refusal is an answer, and so is a defect, which fails on either side."""
     try:
         return {**CHEAP, **DEAR}[judge](asked)
@@ -164,7 +164,7 @@ def _within(relation: Relation, judge: str) -> float:
     if judge == "rules" and relation.within:
         return max(PLACE_M, relation.within)
     if judge == "description" and relation.within:
-        return TOLD_M
+        return DESCRIPTION_M
     if judge in ("edit", "run"):
         return DRIVEN_M.get(relation.name, relation.within)
     return relation.within

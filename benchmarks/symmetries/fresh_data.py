@@ -8,10 +8,10 @@ this data with a seed that was never run before:
   roundabouts, ramps, lights and winding roads.
 - ``mutated_maps``: maps that must be read or refused by name. The same with missing nodes, ways of one node, duplicate
   ids, long tags or tags with line breaks, coordinates at the poles and the antimeridian.
-- ``fresh_recordings``: scenarios of the shared folder with altered recordings: road users that are lost and reappear
-  under another id, appear late or vanish early; jitter of some cm; driving without lanes; rows of parked cars;
-  pedestrians along the road; everything turned and moved. In one of 25 a road user misses time steps in the middle of
-  its trajectory, which CommonRoad forbids: such a file must be refused by name.
+- ``fresh_recordings``: scenarios of the shared folder with altered recordings. Road users are lost and reappear under
+  another id, appear late or vanish early. Positions jitter by some cm, cars drive without lanes or park in rows,
+  pedestrians walk along the road, and everything is turned and moved. In one of 25 a road user misses time steps in the
+  middle of its trajectory, which CommonRoad forbids: this file must be refused by name.
 - ``fresh_scenarios``: alternately one of those and one generated from a fresh map with traffic of many classes.
 
 ``python -m benchmarks.symmetries.fresh_data SEED FOLDER --count 20`` writes maps into a folder; ``--mutated`` and
@@ -41,7 +41,7 @@ from plannerforge.engine.geometry import Points, Values, arc_length, length_m, p
 from plannerforge.engine.maps.drawn_library import Sketch
 from plannerforge.engine.vehicles import vehicle_classes
 from plannerforge.schemas.errors import PlannerForgeError
-from plannerforge.schemas.generation import AskedGoal, GenerationRequest, VehicleDemand
+from plannerforge.schemas.generation import GenerationRequest, RequestedGoal, VehicleDemand
 
 from ..harness import drawn, existing, scenario_files, shared_folder, shared_scenarios
 from .relations import RELATIONS, read_root, write_root
@@ -464,7 +464,7 @@ def _request(choice: random.Random, source: Path) -> GenerationRequest:
         vehicles=tuple(VehicleDemand(vehicle_class=name) for name in choice.sample(classes, choice.randint(2, 6))),
         duration_s=float(choice.randint(6, 12)),
         seed=choice.randrange(2**31),
-        goal=AskedGoal.of("steps:50"),
+        goal=RequestedGoal.of("steps:50"),
         folder=str(source.parent),
     )
 
@@ -626,7 +626,7 @@ def _parked_row(choice: random.Random, root: etree._Element) -> None:
             size = choice.uniform(4.0, 5.0), choice.uniform(1.65, 1.95)
             station += size[0] / 2
             point, heading = point_at(line, station)
-            place = shapely.Point(_beside(point, heading, side * (size[1] / 2 + choice.uniform(0.2, 0.6))))
+            place = shapely.Point(_shifted(point, heading, side * (size[1] / 2 + choice.uniform(0.2, 0.6))))
             if station < length_m(line) and not area.intersects(place) and there.distance(place) > _APART_M:
                 way = heading + math.pi if turned else heading
                 state = (place.x, place.y, math.remainder(way, 2 * math.pi), 0.0)
@@ -648,7 +648,7 @@ def _pedestrians(choice: random.Random, root: etree._Element) -> None:
         begin = choice.uniform(0.0, length_m(way) / 2)
         stations = begin + speed * step_s * np.arange(steps + 1)
         places = [point_at(way, float(station)) for station in stations[stations < length_m(way)]]
-        states = [(*_beside(point, heading, outside * aside).tolist(), heading, speed) for point, heading in places]
+        states = [(*_shifted(point, heading, outside * aside).tolist(), heading, speed) for point, heading in places]
         if len(states) > _FEWEST_STATES:
             _add_road_user(root, "pedestrian", (0.5, 0.6), states)
 
@@ -682,7 +682,7 @@ def _kerbs(choice: random.Random, root: etree._Element, count: int) -> Iterator[
         yield _bound(lanelet, side), sides[side]
 
 
-def _beside(point: Points, heading_rad: float, left_m: float) -> Points:
+def _shifted(point: Points, heading_rad: float, left_m: float) -> Points:
     return np.asarray(point + left_m * np.array([-math.sin(heading_rad), math.cos(heading_rad)]))
 
 

@@ -30,7 +30,7 @@ FAULTS: Mapping[str, str] = {
     "dies": "signal 11",
 }
 """Kinds of failure, and the required report of each."""
-_DRIVES, _BESIDE = "drives", "frenetix"
+_DRIVES, _COMPANION = "drives", "frenetix"
 _PROGRAM = Path(__file__).with_name("faulty_program.py")
 _LIMITS = {"time_s": 4, "output_mb": 1, "folder_mb": 8}
 
@@ -45,7 +45,7 @@ def measure(bench: SeededBench) -> Figures:
     temporary = folder / "temporary"
     temporary.mkdir()
     _call(folder, bench.shared, "import_files", path=str(scenario_files(bench.shared / "data" / "commonroad", 1)[0]))
-    answer = _call(folder, bench.shared, "run_planner", scenarios=["preset:1"], configs=[*names, _BESIDE])
+    answer = _call(folder, bench.shared, "run_planner", scenarios=["preset:1"], configs=[*names, _COMPANION])
     told = {name: _failure_text(answer, name) for name in FAULTS}
     for name, text in told.items():
         sys.stderr.write(f"{name}: {text}\n")
@@ -54,7 +54,7 @@ def measure(bench: SeededBench) -> Figures:
     return {
         "own_faults_named": share(_is_named(name, text) for name, text in told.items()),
         "own_faults": len(FAULTS),
-        "own_beside": share(name in made for name in (_DRIVES, _BESIDE)),
+        "own_beside": share(name in made for name in (_DRIVES, _COMPANION)),
         "own_left": len(running) + sum(1 for _ in temporary.iterdir()),
     }
 
@@ -87,7 +87,7 @@ def _call(folder: Path, shared: Path, tool: str, **arguments: Any) -> Any:
 
 
 def _failure_text(answer: Any, name: str) -> str:
-    """Return the report on the run that a planner lost, empty if it lost none."""
+    """Return the report on the run that a planner lost, or an empty one."""
     return next((cell["error"] for cell in answer["lost"] if f"planner {name} " in cell["error"]), "")
 
 

@@ -22,7 +22,7 @@
 ``read_series``: returns the series of a run, or None if it was stored without them.
 ``read_steps``: returns the steps of a run, or None if they were not kept.
 ``mcnemar_exact``: returns the two-sided p of the exact McNemar test on discordant pairs.
-``rate``: returns a share with its 95 % Wilson interval.
+``rate``: returns a share with its 95% Wilson interval.
 ``success_rates``: the operation that returns the rates of sets of trials, with the scenario as the unit.
 ``wilson_interval``: returns the Wilson score interval of a binomial share.
 """

@@ -27,7 +27,7 @@ STOOD_M = 0.5
 
 
 def look_at_runs(request: ReviewRequest, report: ProgressReporter) -> LooksResponse:
-    """Examine each run once; the result is stored with the run."""
+    """Examine each run once, and return its review, which is stored with the run."""
     runs = RunSet(request.runs, scenarios=request.scenarios)
     looks = []
     for number, record in enumerate(runs.records):
@@ -45,7 +45,7 @@ def look_at_runs(request: ReviewRequest, report: ProgressReporter) -> LooksRespo
 def sample_of(runs: RunSet, records: Iterable[RunRecord], most: int) -> list[RunRecord]:
     """Return all runs if they are few or all have stored reviews, else a random sample of at least ``most``.
 
-    More than ``most`` runs are included only as long as the further ones have stored reviews. The order of the runs is
+    More than ``most`` runs are included only as long as the further runs have stored reviews. The order of the runs is
     kept.
     """
     chosen: set[str] = set()

@@ -31,15 +31,16 @@ from ...schemas.analysis.comparison import (
     WeightChange,
 )
 from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.measures import metric_words
 from ...schemas.results import ConfigWeights, MetricName
 from ...schemas.runs import Lineage, RunRecord, configuration_id
-from ...schemas.text import figure, measured, p_figure, p_in_words
+from ...schemas.text import counted, figure, measured, p_figure, p_in_words
 from ..execution import ProgressReporter
 from .moments import contact_of, review
 from .run_set import METRICS, MetricSpec, RunSet, reached_goal
 from .statistics import FEWEST_PAIRS, LEVEL, cluster_means, holm, needed_scenarios, paired_shares, signed_rank
 
-_CONDITIONS = ("prediction", "traffic", "seed")
+_CONDITIONS = ("prediction", "traffic", "seed", "world")
 """The conditions that paired runs share in addition to scenario and problem."""
 _MARGIN = 0.10
 """Ten points of success (chosen): two planners that differ by less are alike for most purposes."""
@@ -55,7 +56,7 @@ _Pairs = Sequence[tuple[RunRecord, RunRecord]]
 
 
 def compare(request: CompareRequest, report: ProgressReporter) -> CompareResultsResult:
-    """Compare every side with the first one, or the pairs of sides that the request gives.
+    """Compare every side with the first side, or the pairs of sides that the request gives.
 
     Raises:
         NotPossible: there are fewer than two sides, or they have no pair in common.
@@ -141,7 +142,7 @@ class _Draft:
 
 
 def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunRecord], request: CompareRequest) -> _Draft:
-    """Pair two sides and test them.
+    """Pair two sides and test them; return the comparison before its tests are adjusted.
 
     Raises:
         NotPossible: they have no problem in common.
@@ -149,14 +150,15 @@ def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunReco
     pairing = _pair(before, after, records, {lineage.scenario_id: lineage for lineage in request.lineage})
     if not pairing.pairs and not pairing.invalid:
         raise NotPossible(
-            f"{before.label} and {after.label} have no scenario and planning problem in common, not even as versions",
+            f"{before.label} and {after.label} have no planning problem in common, not even in edited versions of one "
+            "scenario",
             valid=[_conditions(side, records) for side in (before, after)],
             next_step="run both configurations on the same scenarios in one run_planner call, or use analyze_results",
         )
     incomparable = before.config_id != after.config_id or any(
-        name.startswith("prediction") for name in pairing.differing
+        name.startswith(("prediction", "world")) for name in pairing.differing
     )
-    specs = [spec for spec in METRICS if _wanted(spec, request, incomparable=incomparable)]
+    specs = [spec for spec in METRICS if _is_requested(spec, request, incomparable=incomparable)]
     metrics = tuple(_metric(spec, pairing.pairs, runs) for spec in specs)
     return _Draft((before, after), pairing, _success(pairing.pairs, runs), metrics)
 
@@ -232,10 +234,10 @@ def _evidence(flipped: _Pairs, metrics: Sequence[MetricTest], pairs: _Pairs) -> 
 
 
 def _cost(
-    pairing: "_Pairing", sides: tuple[Side, Side], tested: Sequence[MetricTest], asked: Sequence[MetricName]
+    pairing: "_Pairing", sides: tuple[Side, Side], tested: Sequence[MetricTest], requested: Sequence[MetricName]
 ) -> UncomparedCost | None:
     """Return the two sides' costs if they are not comparable; None if they were compared or a side has no cost."""
-    if any(one.name == _COST and one.pairs for one in tested) or (asked and _COST not in asked):
+    if any(one.name == _COST and one.pairs for one in tested) or (requested and _COST not in requested):
         return None
     costs = [[one.metrics.mean_total_cost for one in runs if one.metrics] for runs in zip(*pairing.pairs, strict=True)]
     first, second = ([cost for cost in runs if cost is not None] for runs in costs or ([], []))
@@ -247,6 +249,8 @@ def _cost(
         why = "another version of the planner may weigh the terms differently"
     elif any(name.startswith("prediction") for name in pairing.differing):
         why = "the predictions differ"
+    elif any(name.startswith("world") for name in pairing.differing):
+        why = "the costs count the road users that the sensors report, and the worlds differ"
     else:
         why = "no pair reaches the goal on both sides"
     return UncomparedCost(before=median(first), after=median(second), why=why)
@@ -310,11 +314,17 @@ def _success(pairs: _Pairs, runs: RunSet) -> SuccessTest:
     )
 
 
+def _mode(record: RunRecord) -> str:
+    """Return text such as ``lane/reactive``, followed by the world if it is imperfect."""
+    world = [] if record.world.is_perfect else [record.world.in_words()]
+    return "/".join([record.prediction, record.traffic, *world])
+
+
 def _strata(pairs: _Pairs) -> tuple[Stratum, ...]:
-    """Return the pairs grouped by prediction and traffic mode; empty if they have only one."""
+    """Return the pairs grouped by prediction, traffic mode and world; empty if all pairs are in one group."""
     groups: dict[str, list[tuple[bool, bool]]] = {}
     for pair in pairs:
-        groups.setdefault(f"{pair[1].prediction}/{pair[1].traffic}", []).append(_mastered(pair))
+        groups.setdefault(_mode(pair[1]), []).append(_mastered(pair))
     if len(groups) < 2:
         return ()
     return tuple(
@@ -366,7 +376,7 @@ def _direction(spec: MetricSpec, before: float, after: float) -> Literal["better
 
 
 def _edited(pair: tuple[RunRecord, RunRecord], lineages: Mapping[str, Lineage]) -> EditedPair:
-    """Return what distinguishes the scenarios of a pair by lineage: their edits, from the first difference."""
+    """Return the edits in which a pair's scenarios differ; the two scenarios were edited from a common ancestor."""
     before, after = (_lineage(record, lineages) for record in pair)
     shared = 0
     for first, second in zip(before.edits, after.edits, strict=False):
@@ -390,7 +400,7 @@ def _lineage(record: RunRecord, lineages: Mapping[str, Lineage]) -> Lineage:
 
 
 def _single(pair: tuple[RunRecord, RunRecord], request: CompareRequest) -> tuple[PairedRun, PairedRun]:
-    """Return how both runs of the only pair ended, with their reviews."""
+    """Return both runs of the only pair, with their outcomes and reviews."""
     runs = RunSet(request.runs, request.configs, request.scenarios)
     before, after = (
         PairedRun(run_id=one.run_id, outcome=one.outcome, reason=one.reason, review=review(runs, one)) for one in pair
@@ -402,7 +412,7 @@ def _with_holm(tests: "Sequence[SuccessTest | MetricTest]") -> "list[SuccessTest
     """Return the tests of one answer with Holm's adjustment within success and within the metrics.
 
     These two families share the level evenly (Bonferroni), so an answer with many metrics can still show a difference
-    in success. At most 5 % of the answers in which nothing differs report a difference. A test that cannot fall below 5
+    in success. At most 5% of the answers in which nothing differs report a difference. A test that cannot fall below 5
     %, regardless of the signs of its differences, is not counted and has no adjusted p (Tarone 1990, "A modified
     Bonferroni method for discrete data").
     """
@@ -430,7 +440,7 @@ _SPECS = {spec.name: spec for spec in METRICS}
 
 def _judged(test: MetricTest, pairs: _Pairs) -> MetricTest:
     """Return the test; if it shows a difference, with the better side and the pair that differs most."""
-    if not _tells(test):
+    if not _is_significant(test):
         return test
     spec, shift = _SPECS[test.name], test.shift or 0.0
     better: Literal["before", "after"] | None = None
@@ -445,7 +455,7 @@ def _judged(test: MetricTest, pairs: _Pairs) -> MetricTest:
     return test.model_copy(update={"better": better, "run_ids": (most[0].run_id, most[1].run_id)})
 
 
-def _tells(test: MetricTest) -> bool:
+def _is_significant(test: MetricTest) -> bool:
     """Return True if a metric differs beyond chance (Holm) and beyond its resolution, by an interval without 0."""
     if test.p_holm is None or test.low is None or test.high is None or test.shift is None:
         return False
@@ -457,7 +467,7 @@ def _counts(spec: MetricSpec, pair: tuple[RunRecord, RunRecord]) -> bool:
     return spec.basis == "valid" or _mastered(pair) == (True, True)
 
 
-def _wanted(spec: MetricSpec, request: CompareRequest, *, incomparable: bool) -> bool:
+def _is_requested(spec: MetricSpec, request: CompareRequest, *, incomparable: bool) -> bool:
     if request.metrics:
         return spec.name in request.metrics
     return not (spec.within_one_configuration and incomparable)
@@ -487,8 +497,9 @@ def _flip(pair: tuple[RunRecord, RunRecord], runs: RunSet, place: int) -> Flip:
 def _conditions(side: Side, records: dict[str, RunRecord]) -> str:
     chosen = [records[run_id] for run_id in side.run_ids]
     scenarios = sorted({record.scenario_id for record in chosen})
-    words = sorted({f"{record.prediction}/{record.traffic}/seed {record.seed}" for record in chosen})
-    return f"{side.label}: {len(scenarios)} scenarios ({', '.join(scenarios[:2])}…), {', '.join(words)}"
+    words = sorted({f"{_mode(record)}/seed {record.seed}" for record in chosen})
+    more = "…" if len(scenarios) > 2 else ""
+    return f"{side.label}: {counted(len(scenarios), 'scenario')} ({', '.join(scenarios[:2])}{more}), {', '.join(words)}"
 
 
 @dataclass(frozen=True)
@@ -506,12 +517,12 @@ class _Pairing:
 
 
 def _pair(before: Side, after: Side, records: dict[str, RunRecord], lineages: Mapping[str, Lineage]) -> _Pairing:
-    """Pair runs on the same scenario and planning problem under the same prediction, traffic mode and seed.
+    """Pair runs on the same scenario and planning problem under the same prediction, traffic mode, world and seed.
 
     A condition that has one value in all runs of one side and a different value in all runs of the other side is the
     subject of the comparison: it is left out of the key and reported. The remaining runs are paired by lineage: each
-    with the only run of the opposite side whose scenario has the same root. If there are several candidates, none is
-    paired.
+    with the only run of the opposite side on a scenario with the same root. If there are several candidates, the run
+    stays unpaired.
 
     Raises:
         InvalidRequest: a side contains two runs of the same problem under the same conditions.
@@ -532,8 +543,13 @@ def _pair(before: Side, after: Side, records: dict[str, RunRecord], lineages: Ma
         pairs=valid,
         unpaired=len(first) + len(second) - 2 * len(both),
         invalid=len(both) - len(valid),
-        differing=tuple(f"{name}: {getattr(sides[0][0], name)} → {getattr(sides[1][0], name)}" for name in differing),
+        differing=tuple(f"{name}: {_shown(name, sides[0][0])} → {_shown(name, sides[1][0])}" for name in differing),
     )
+
+
+def _shown(condition: str, record: RunRecord) -> str:
+    """Return the condition of a run as an argument states it."""
+    return record.world.in_words() if condition == "world" else str(getattr(record, condition))
 
 
 def _by_lineage(
@@ -602,7 +618,7 @@ def _metrics_code(metrics: Sequence[MetricTest]) -> MetricsCode:
     """Return the ``MetricsCode`` for the metrics that differ significantly."""
     if all(test.p is None for test in metrics):
         return "untested"
-    telling = [test for test in metrics if _tells(test)]
+    telling = [test for test in metrics if _is_significant(test)]
     sides = {test.better for test in telling} - {None}
     if not sides:
         return "changed" if telling else "none"
@@ -639,7 +655,7 @@ def _about_success(code: HeadlineCode, test: SuccessTest) -> str:
     if code in ("better", "worse", "mixed"):
         return f"{code.capitalize()}: {fact}."
     if _is_alike(test):
-        return f"{fact}; the success rates differ by less than {100 * _MARGIN:.0f} percentage points (95 %)."
+        return f"{fact}; the success rates differ by less than {100 * _MARGIN:.0f} percentage points (95%)."
     if test.scenarios < FEWEST_PAIRS:
         return f"{fact}; too few {'pairs' if test.scenarios == test.pairs else 'scenarios'} for a test."
     if code == "flips_too_few":
@@ -679,17 +695,21 @@ def _about_strata(test: SuccessTest, strata: Sequence[Stratum]) -> list[str]:
 
 
 def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[str]:
-    """Return the metrics shown to differ, with the better side; separately those that differ in some scenarios."""
-    telling = [test for test in metrics if _tells(test)]
+    """Return sentences on the metrics that differ, with the better side, and on those that differ in some scenarios."""
+    telling = [test for test in metrics if _is_significant(test)]
     sides = {"after": ", better", "before": ", worse", None: ""}
     words = [
-        f"{test.name} {'rises' if (test.shift or 0) > 0 else 'falls'} by {measured(abs(test.shift or 0))}"
+        f"{metric_words(test.name)} {'rises' if (test.shift or 0) > 0 else 'falls'} by {measured(abs(test.shift or 0))}"
         f"{'' if test.unit == '1' else f' {test.unit}'}{sides[test.better]}"
         for test in telling
     ]
-    sentences = [f"Differs after Holm's adjustment: {'; '.join(words)}."] if words else []
+    sentences = [f"After Holm's adjustment, these metrics differ: {'; '.join(words)}."] if words else []
     differing = [test for test in metrics if test.p_holm is not None and test.p_holm < LEVEL]
-    few = [f"{test.name} (in {test.higher} higher, in {test.lower} lower)" for test in differing if test not in telling]
+    few = [
+        f"{metric_words(test.name)} (in {test.higher} higher, in {test.lower} lower)"
+        for test in differing
+        if test not in telling
+    ]
     if few:
         sentences.append(f"In some scenarios only, with an equal median: {'; '.join(few)}.")
     if sentences:

@@ -102,9 +102,9 @@ def _swerved(side: float, hardest_mps2: float) -> _Manoeuvre:
 class _Conflict:
     """Bodies that will touch: their separation along their four axes, and how manoeuvres change it.
 
-    ``apart`` (n, times, 4): the difference between the centres on each axis while the two bodies keep their motion;
-    ``along``, ``aside`` (n, 1, 4): the change per metre of the ego forward, and to its left; ``needed_m`` (n, 1, 4):
-    the difference at which the bodies are clear of each other. ``times_s`` (n, times).
+    ``apart`` (n, times, 4) is the difference between the centres on each axis while the two bodies keep their motion.
+    ``along`` and ``aside`` (n, 1, 4) are its change per metre that the ego moves forward or to its left. The bodies are
+    clear of each other at the difference ``needed_m`` (n, 1, 4). ``times_s`` has the shape (n, times).
     """
 
     times_s: Values
@@ -197,7 +197,10 @@ def _thirds(bodies: MovingRectangles) -> list[Points]:
 
 
 def _first_meeting_s(away: Points, change: Points, radius_m: Values, grows_mps2: Values) -> Values:
-    """Return when discs that move by ``change`` and grow by ``grows_mps2`` · t² ÷ 2 touch; 0 if they do already."""
+    """Return the times in s at which discs that move by ``change`` and grow by ``grows_mps2`` · t² ÷ 2 touch.
+
+    The time is 0 for discs that touch already.
+    """
     fourth = -(grows_mps2**2) / 4
     square = (change**2).sum(axis=1) - grows_mps2 * radius_m
     linear = 2 * (away * change).sum(axis=1)
@@ -221,7 +224,7 @@ _ROUNDING = 1e-6
 
 @dataclass(frozen=True)
 class Crossing:
-    """A crossing of the paths of the ego and another road user, and when each of them is in the common area.
+    """A crossing of the ego's path with another road user's, and the times at which each is in the common area.
 
     Times in s since the ego's first state. ``ego_whole``: whether the ego both entered and left the area;
     ``turned_rad``: the difference of their headings there, 0 to π.
@@ -235,11 +238,11 @@ class Crossing:
 
     @property
     def post_encroachment_s(self) -> float:
-        """The time from the first road user's exit to the second one's entry; 0 if they were in the area together."""
+        """The time from the first road user's exit to the other's entry; 0 if they were in the area together."""
         return max(self.other_s[0] - self.ego_s[1], self.ego_s[0] - self.other_s[1], 0.0)
 
     @property
-    def second_comes_s(self) -> float:
+    def second_arrival_s(self) -> float:
         """The time at which the second road user enters the area."""
         return max(self.ego_s[0], self.other_s[0])
 
@@ -325,7 +328,9 @@ def _polygons(track: Track, centers: Points, headings_rad: Values) -> NDArray[np
 def _crossing(
     number: int, ego: _Bodies, other: _Bodies, own: NDArray[np.intp], at: NDArray[np.intp], ego_later_steps: int
 ) -> Crossing:
-    """Return when each body is in the other's band, around the pair of states that is nearest in time.
+    """Return the crossing around the pair of overlapping states that are nearest in time.
+
+    Each body is in the area while it is in the band that the other body sweeps.
 
     Args:
         number: index of the other road user.

@@ -11,11 +11,12 @@ from statistics import fmean
 
 from ...schemas.results import Correlation
 from ...schemas.runs import RunRecord
+from ...schemas.text import counted
 from .run_set import RunSet, reached_goal
 from .statistics import holm, rank_correlation
 
 _FEWEST_SCENARIOS = 12
-"""Below this a rank correlation must exceed 0.58 to differ from 0 at 5 %: too coarse to report."""
+"""Below this a rank correlation must exceed 0.58 to differ from 0 at 5%: too coarse to report."""
 _FEWEST_OF_A_ROAD = 3
 """A kind of road with fewer scenarios has no indicator of its own (chosen): it would only model their mean."""
 ROAD = "road"
@@ -38,7 +39,8 @@ def correlations(runs: RunSet) -> tuple[tuple[Correlation, ...], Note]:
     """Return Spearman correlations of features with success, strongest first, and a note if there are none."""
     seen = _scenarios(runs)
     if len(seen) < _FEWEST_SCENARIOS:
-        words = f"no correlations: valid runs cover {len(seen)} scenarios, at least {_FEWEST_SCENARIOS} are needed"
+        covered = counted(len(seen), "scenario")
+        words = f"no correlations: valid runs cover {covered}, but at least {_FEWEST_SCENARIOS} are needed"
         return (), (words, {"scenarios": len(seen), "least_scenarios": _FEWEST_SCENARIOS})
     if len({scenario.success for scenario in seen}) == 1:
         return (), ("no correlations: all scenarios ended alike", {})
@@ -46,7 +48,7 @@ def correlations(runs: RunSet) -> tuple[tuple[Correlation, ...], Note]:
     adjusted = holm([p for _, _, p in tested.values()])
     listed = []
     for (name, (n, rho, p)), p_holm in zip(tested.items(), adjusted, strict=True):
-        held, left = _held_fixed(seen, name, [other for other in tested if other != name])
+        controls, left = _controlled_for(seen, name, [other for other in tested if other != name])
         listed.append(
             Correlation(
                 feature=name,
@@ -56,7 +58,7 @@ def correlations(runs: RunSet) -> tuple[tuple[Correlation, ...], Note]:
                 p_holm=p_holm,
                 rho_fixed=None if left is None else left[0],
                 p_fixed=None if left is None else left[1],
-                held_fixed=held,
+                held_fixed=controls,
             )
         )
     return tuple(sorted(listed, key=lambda item: (-abs(item.rho), item.feature))), ("", {})
@@ -93,7 +95,7 @@ def _plain(seen: Sequence[_Scenario], name: str) -> tuple[float, float] | None:
     return rank_correlation(rows) if len(rows) >= _FEWEST_SCENARIOS else None
 
 
-def _held_fixed(
+def _controlled_for(
     seen: Sequence[_Scenario], name: str, others: Sequence[str]
 ) -> tuple[tuple[str, ...], tuple[float, float] | None]:
     """Return the features held fixed, with the resulting ρ and p; None if no feature can be, or nothing is left."""
@@ -102,7 +104,7 @@ def _held_fixed(
     for scenario in known:
         counts[scenario.road] = counts.get(scenario.road, 0) + 1
     roads = sorted(road for road, count in counts.items() if count >= _FEWEST_OF_A_ROAD)[1:]
-    held = (*others, *([ROAD] if roads else []))
+    controls = (*others, *([ROAD] if roads else []))
     columns = len(others) + len(roads)
     if not columns or len(known) < _FEWEST_SCENARIOS + columns:
         return (), None
@@ -115,7 +117,7 @@ def _held_fixed(
         )
         for scenario in known
     ]
-    return held, rank_correlation(rows, columns)
+    return controls, rank_correlation(rows, columns)
 
 
 def _large_vehicles(runs: RunSet, record: RunRecord) -> float | None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 from ...schemas.errors import InvalidRequest, UnknownName, closest, with_values
 from ...schemas.grammar import Condition, Interval, parse_condition
-from ...schemas.measures import metric_meant
+from ...schemas.measures import metric_of_label
 from ...schemas.runs import RunRecord, configuration_id
 from ..commonroad import parse_benchmark_id
 from .run_set import METRICS, MetricSpec, RunSet
@@ -19,6 +19,7 @@ _WORDS: dict[str, Callable[[RunRecord], Sequence[str]]] = {
     "city": lambda record: [parse_benchmark_id(record.scenario_id)[1]],
     "prediction": lambda record: [record.prediction],
     "traffic": lambda record: [record.traffic],
+    "world": lambda record: [record.world.in_words()],
 }
 
 
@@ -50,7 +51,7 @@ def matching(runs: RunSet, conditions: Sequence[str]) -> RunSet:
 
 
 def on_outcome(conditions: Sequence[str]) -> tuple[str, ...]:
-    """Return the conditions on outcomes: among runs selected by outcome, the rate of goals says nothing."""
+    """Return the conditions that select runs by outcome; a success rate over such a selection says nothing."""
     return tuple(text for text in conditions if parse_condition(text, words=True).name == "outcome")
 
 
@@ -79,7 +80,7 @@ def window_of(conditions: Sequence[str]) -> tuple[tuple[str, ...], Interval | No
 
 
 def _test(runs: RunSet, condition: Condition, text: str) -> Callable[[RunRecord], bool]:
-    name = metric_meant(condition.name)
+    name = metric_of_label(condition.name)
     if name in _WORDS:
         if condition.value is None:
             raise InvalidRequest(f"'{text}' compares {name}, which is text", valid=[f"{name}=…"])

@@ -16,7 +16,7 @@ import numpy as np
 from ...schemas.results import Finding, FindingMoment, Suggestion
 from ...schemas.reviews import Contact, Encounter, PaceCode, PaceMoment, RunReview
 from ...schemas.runs import CRITICAL_GAP_M, CRITICAL_TIME_TO_COLLISION_S, RunRecord, is_close
-from ...schemas.text import p_figure
+from ...schemas.text import counted, p_figure
 from ..geometry import wrap_angles
 from .causes import sample_of
 from .moments import FROM_BEHIND, contact_of, review
@@ -54,7 +54,7 @@ class Evidence:
         return self._reviews[record.run_id]
 
     def pace(self, record: RunRecord) -> tuple[PaceMoment, ...]:
-        """Return the stretches in which the ego of a run stood, was held up or braked, and why."""
+        """Return the stretches in which the ego of a run stood, was held up or braked, each with its cause."""
         if record.run_id not in self._paces:
             self._paces[record.run_id] = pace_of(self.runs, record)
         return self._paces[record.run_id]
@@ -87,7 +87,7 @@ class Evidence:
         hits = sum(map(hit_another, self.runs.failures))
         return _sample_figures(len(self._sampled_hits), collisions=hits)
 
-    def is_the_others(self, record: RunRecord) -> bool:
+    def is_others_fault(self, record: RunRecord) -> bool:
         """Return True if another vehicle hit the ego from behind, or if no reference driver prevents the collision.
 
         A collision that the ego caused is not attributed to the other road users.
@@ -161,7 +161,7 @@ _FEW = 2
 
 def _unforeseen(evidence: Evidence) -> Iterator[Finding]:
     """Yield collisions that would not have happened if the other road user had moved as predicted."""
-    hits = [one for one in evidence.hits() if not evidence.is_the_others(one) and one.prediction != "ground_truth"]
+    hits = [one for one in evidence.hits() if not evidence.is_others_fault(one) and one.prediction != "ground_truth"]
     known = [one for one in hits if (contact := evidence.contact(one)) and contact.predicted_gap_m is not None]
     missed = [one for one in known if (contact := evidence.contact(one)) and contact.unforeseen]
     if len(missed) * 2 < max(len(known), 1) or not missed:
@@ -179,6 +179,34 @@ def _unforeseen(evidence: Evidence) -> Iterator[Finding]:
         moments=_hits_of(evidence, missed),
         alternatives="the plan left no margin for a wrong prediction",
         next_step="run_planner with prediction=ground_truth on the same scenarios, then compare_results",
+    )
+
+
+def _unseen(evidence: Evidence) -> Iterator[Finding]:
+    """Yield collisions in which the sensors of an imperfect world reported the other road user too late to brake.
+
+    Too late is after the latest time at which full braking prevents the collision.
+    """
+    hits = [one for one in evidence.hits() if not evidence.is_others_fault(one) and not one.world.is_perfect]
+    known = [(one, contact) for one in hits if (contact := evidence.contact(one)) and contact.laid_to is not None]
+    unseen = [(one, contact) for one, contact in known if contact.laid_to == "perception" and contact.sight]
+    if not unseen:
+        return
+    codes = Counter(str(contact.sight.code) for _, contact in unseen if contact.sight is not None)
+    record, example = unseen[0]
+    sight = "" if example.sight is None else example.sight.in_words(example.other, example.time_s)
+    yield Finding(
+        name="unseen",
+        subject=_most(codes),
+        statement=(
+            f"In {len(unseen)} of {len(known)} collisions that the ego could have prevented, the sensors reported the "
+            f"other road user too late to brake; in {record.run_id}, {sight}{evidence.among_hits}."
+        ),
+        figures={"runs": len(unseen), "of": len(known), **codes, **evidence.sampled_hits},
+        run_ids=_ids(one for one, _ in unseen),
+        moments=_hits_of(evidence, (one for one, _ in unseen)),
+        alternatives="a planner that slows down where it cannot see would have had time",
+        next_step="run_planner with world=perfect on the same scenarios, then compare_results",
     )
 
 
@@ -206,7 +234,7 @@ def _weight_off(evidence: Evidence) -> Iterator[Finding]:
         }
         for name, default in off.items():
             outcomes = [outcome for outcome, guards in _GUARDS.items() if name in guards]
-            failed = [one for one in records if one.outcome in outcomes and not evidence.is_the_others(one)]
+            failed = [one for one in records if one.outcome in outcomes and not evidence.is_others_fault(one)]
             failed = [one for one in failed if not hit_another(one) or evidence.is_known(one)]
             if len(failed) < _FEW or len(failed) * 10 < len(records):
                 continue
@@ -239,14 +267,14 @@ _WEAK_SHARE = 0.10
 
 
 def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
-    """Yield, per configuration, collisions in which obstacles made up under 10 % of the cost in the last second.
+    """Yield, per configuration, collisions in which obstacles made up under 10% of the cost in the last second.
 
     The chosen candidate passed the collision check against the prediction; a small share means that only that check
     kept the ego away from other road users. The finding needs at least half of the collisions that the ego could have
     prevented.
     """
     runs = evidence.runs
-    hits = [record for record in evidence.hits() if not evidence.is_the_others(record)]
+    hits = [record for record in evidence.hits() if not evidence.is_others_fault(record)]
     for config_id, records in runs.by_config(hits).items():
         shares = {record.run_id: share for record in records if (share := _obstacle_share(runs, record)) is not None}
         weak = tuple(run_id for run_id, share in shares.items() if share < _WEAK_SHARE)
@@ -258,8 +286,8 @@ def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
             name="weak_obstacle_cost",
             statement=(
                 f"In {len(weak)} of {len(shares)} collisions of {records[0].config_name} that the ego could have "
-                f"prevented, obstacles made up under {100 * _WEAK_SHARE:.0f} % of the plan's cost in the last second "
-                f"(median {100 * middle:.1f} %){evidence.among_hits}."
+                f"prevented, obstacles made up under {100 * _WEAK_SHARE:.0f}% of the plan's cost in the last second "
+                f"(median {100 * middle:.1f}%){evidence.among_hits}."
             ),
             figures={
                 "runs": len(weak),
@@ -317,7 +345,7 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
     """Yield findings on late runs: goals out of reach, what egos waited for, and what delayed the remaining runs.
 
     Each run counts for the first cause that holds: a goal out of reach, then the cause in ``_LATE`` that took most of
-    the drive, if it took at least 40 %. The remaining runs are reported per configuration with the median run's largest
+    the drive, if it took at least 40%. The remaining runs are reported per configuration with the median run's largest
     cost term. If that term is the speed offset, the planner is slow despite the cost, so the weight is too small. Any
     other term holds the ego back.
     """
@@ -341,26 +369,26 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
             moments=tuple(FindingMoment(run_id=one.run_id, time_s=0.0, code="goal_out_of_reach") for one in too_far),
             next_step="modify_scenario set_goal with a later time or a nearer goal",
         )
-    laid = {record.run_id: _late_by(evidence, record) for record in rest}
+    delays = {record.run_id: _late_by(evidence, record) for record in rest}
     for name, codes, words, alternatives in _LATE:
-        members = [record for record in rest if laid[record.run_id] == name]
+        members = [record for record in rest if delays[record.run_id] == name]
         if members:
             yield Finding(
                 name=name,
-                statement=f"{len(members)} of {of} {words} for {100 * _HELD_UP_SHARE:.0f} % or more of the drive.",
+                statement=f"{len(members)} of {of} {words} for {100 * _HELD_UP_SHARE:.0f}% or more of the drive.",
                 figures={"runs": len(members), **all_late, "least_share": _HELD_UP_SHARE},
                 run_ids=_ids(members),
                 moments=_paces_of(evidence, members, codes),
                 alternatives=alternatives,
                 next_step=f"render kind=animation ids=[{members[0].run_id}]",
             )
-    others = [record for record in rest if not laid[record.run_id]]
+    others = [record for record in rest if not delays[record.run_id]]
     for config_id, records in runs.by_config(others).items():
-        yield from _held_back(runs, config_id, records)
+        yield from _findings_on_late_runs(runs, config_id, records)
 
 
 def _late_by(evidence: Evidence, record: RunRecord) -> str:
-    """Return the cause that took most of a late drive and at least 40 % of it, else an empty string."""
+    """Return the cause that took most of a late drive and at least 40% of it, else an empty string."""
     if record.metrics is None or record.metrics.duration_s <= 0:
         return ""
     moments = evidence.pace(record)
@@ -411,7 +439,7 @@ def _figures_of(moment: PaceMoment) -> dict[str, float]:
 
 
 def _sample_figures(looked_at: int, **of: int) -> dict[str, float]:
-    """Return how many of the runs were examined, or nothing if all were."""
+    """Return the number of examined runs as a figure; empty if all runs were examined."""
     (count,) = of.values()
     return {} if looked_at == count else {"looked_at": looked_at, **of}
 
@@ -440,7 +468,7 @@ def _paces_of(evidence: Evidence, records: Iterable[RunRecord], codes: Iterable[
 
 
 def _hits_of(evidence: Evidence, records: Iterable[RunRecord]) -> tuple[FindingMoment, ...]:
-    """Return the times of the collisions of runs."""
+    """Return the time of each run's collision."""
     return tuple(
         FindingMoment(run_id=record.run_id, time_s=record.collision.time_s, code=contact.kind)
         for record in records
@@ -448,7 +476,7 @@ def _hits_of(evidence: Evidence, records: Iterable[RunRecord]) -> tuple[FindingM
     )
 
 
-def _held_back(runs: RunSet, config_id: str, records: list[RunRecord]) -> Iterator[Finding]:
+def _findings_on_late_runs(runs: RunSet, config_id: str, records: list[RunRecord]) -> Iterator[Finding]:
     terms = _median_shares(runs, records)
     if not terms:
         return
@@ -457,8 +485,8 @@ def _held_back(runs: RunSet, config_id: str, records: list[RunRecord]) -> Iterat
         name="held_back",
         subject=largest,
         statement=(
-            f"{len(records)} runs of {records[0].config_name} ran out of time or arrived too late; {largest} made up "
-            f"{100 * terms[largest]:.0f} % of the cost in the median run."
+            f"{counted(len(records), 'run')} of {records[0].config_name} ran out of time or arrived too late; "
+            f"{largest} made up {100 * terms[largest]:.0f}% of the cost in the median run."
         ),
         figures={"runs": len(records), "median_share": terms[largest]},
         run_ids=_ids(records),
@@ -468,7 +496,7 @@ def _held_back(runs: RunSet, config_id: str, records: list[RunRecord]) -> Iterat
 
 
 def _median_shares(runs: RunSet, records: Iterable[RunRecord]) -> dict[str, float]:
-    """Return the share of each term in the cost of the median run, over the runs that have a cost."""
+    """Return each term's share of the cost in the median run; runs without a cost are left out."""
     terms = [mean_terms(runs.steps[record.run_id]) for record in records if record.run_id in runs.steps]
     shares = [{term: value / total for term, value in mean.items()} for mean in terms if (total := sum(mean.values()))]
     names = sorted({term for share in shares for term in share})
@@ -492,7 +520,7 @@ def _rejecting_constraint(evidence: Evidence) -> Iterator[Finding]:
         subject=name,
         statement=(
             f"In {count} of {len(stuck)} infeasible runs, {name} rejected most candidates: "
-            f"{100 * median(shares):.0f} % of the rejected ones in the median run."
+            f"{100 * median(shares):.0f}% of the rejected ones in the median run."
         ),
         figures={"runs": count, "of": len(stuck), "median_share": median(shares)},
         run_ids=run_ids,
@@ -520,7 +548,7 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
     for config_id, records in runs.by_config(runs.successes).items():
         near = [record for record in records if is_close(record)]
         close = evidence.sample(near)
-        own = [record for record in close if _came_near(evidence.review(record))]
+        own = [record for record in close if _caused_near_miss(evidence.review(record))]
         if not own:
             continue
         others = f"; in {len(close) - len(own)} more, others came close to it" if len(close) > len(own) else ""
@@ -531,7 +559,8 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
             name="near_misses",
             statement=(
                 f"In {len(own)} of {of} of {records[0].config_name}, the ego came within "
-                f"{CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s of another ahead or crossing{others}."
+                f"{CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s of another road user ahead or crossing"
+                f"{others}."
             ),
             figures={
                 "runs": len(own),
@@ -552,7 +581,7 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
         )
 
 
-def _came_near(looked_at: RunReview) -> bool:
+def _caused_near_miss(looked_at: RunReview) -> bool:
     """Return True if the ego itself caused one of the close approaches of a run."""
     return bool(_own_near(looked_at))
 
@@ -622,7 +651,7 @@ _DOMINATING_SHARE = 0.8
 
 
 def _dominating_cost(evidence: Evidence) -> Iterator[Finding]:
-    """Yield, per configuration, a term with over 80 % of the chosen candidates' cost in the median run."""
+    """Yield, per configuration, a term with over 80% of the chosen candidates' cost in the median run."""
     runs = evidence.runs
     for records in runs.by_config(runs.valid).values():
         for term, share in _median_shares(runs, records).items():
@@ -631,7 +660,7 @@ def _dominating_cost(evidence: Evidence) -> Iterator[Finding]:
                     name="dominating_cost",
                     subject=term,
                     statement=(
-                        f"{term} is {100 * share:.0f} % of the cost in the median run of {records[0].config_name}."
+                        f"{term} is {100 * share:.0f}% of the cost in the median run of {records[0].config_name}."
                     ),
                     figures={"median_share": share},
                     run_ids=_ids(record for record in records if record.run_id in runs.steps),
@@ -678,7 +707,7 @@ _HARDER_POINTS = 0.2
 
 
 def _harder_group(evidence: Evidence) -> Iterator[Finding]:
-    """Yield classes of obstacles or kinds of road whose scenarios fail more often than the remaining scenarios.
+    """Yield the classes of obstacles and kinds of road for which scenarios fail more often than other scenarios.
 
     The difference is tested by Fisher's exact test. A scenario counts once, and as a success if most of its runs
     reached the goal. The p values of all groups are adjusted by Holm. Collisions that are attributed to other road
@@ -688,7 +717,7 @@ def _harder_group(evidence: Evidence) -> Iterator[Finding]:
     reached: dict[str, list[bool]] = {}
     groups: dict[str, set[str]] = {}
     for record in runs.valid:
-        if hit_another(record) and (not evidence.is_known(record) or evidence.is_the_others(record)):
+        if hit_another(record) and (not evidence.is_known(record) or evidence.is_others_fault(record)):
             continue
         root, known = runs.root(record), runs.scenario(record)
         reached.setdefault(root, []).append(reached_goal(record))
@@ -745,7 +774,7 @@ def _hard_scenarios(evidence: Evidence) -> Iterator[Finding]:
         by_scenario.setdefault(record.scenario_id, []).append(record)
     tried = {key: records for key, records in by_scenario.items() if len({r.config_id for r in records}) > 1}
     hard = {key: records for key, records in tried.items() if not any(map(reached_goal, records))}
-    fair = {key: records for key, records in hard.items() if not all(map(evidence.is_the_others, records))}
+    fair = {key: records for key, records in hard.items() if not all(map(evidence.is_others_fault, records))}
     if not fair:
         return
     names = sorted(fair)
@@ -776,11 +805,12 @@ def _suggestion(runs: RunSet, config_id: str, weight: str, *, lower: bool = Fals
 
 
 _Find = Callable[[Evidence], Iterable[Finding]]
-_OF_ONE_CONFIGURATION: tuple[_Find, ...] = (_main_failure, _unforeseen, _late, _rejecting_constraint)
+_OF_ONE_CONFIGURATION: tuple[_Find, ...] = (_main_failure, _unseen, _unforeseen, _late, _rejecting_constraint)
 """Findings that count runs of any configuration: with several, each is stated for one configuration at a time."""
 FINDINGS: tuple[_Find, ...] = (
     _main_failure,
     _weight_off,
+    _unseen,
     _unforeseen,
     _harder_group,
     _late,

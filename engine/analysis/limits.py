@@ -4,7 +4,7 @@
     baseline   not worse than BASELINE [by MARGIN] [for CONFIG] · nothing lost against BASELINE [for CONFIG]
 
 A limit is judged for every configuration separately. Shares are those of the valid runs; ``with confidence`` compares
-the limit with the less favourable end of the 95 % interval. A metric without a statistic must hold in every run that
+the limit with the less favourable end of the 95% interval. A metric without a statistic must hold in every run that
 has it, or in the given share of them.
 """
 
@@ -58,7 +58,7 @@ _BASELINE = re.compile(
     rf"(?P<kind>not\s+worse\s+than|nothing\s+lost\s+against)\s+(?P<baseline>\S+)"
     rf"(?:\s+by\s+(?P<margin>{_NUMBER})\s*(?P<percent>%?))?{_FOR}"
 )
-_EXAMPLES = ("success >= 0.9", "preventable_collisions == 0", "minimum_distance_m >= 0.5 in 95 % of runs")
+_EXAMPLES = ("success >= 0.9", "preventable_collisions == 0", "minimum_distance_m >= 0.5 in 95% of runs")
 _SHOWN = 5
 """Number of runs against a limit that a verdict lists (chosen)."""
 
@@ -102,7 +102,7 @@ class Limit(ABC):
     baseline: str
 
     def judge(self, runs: Judged) -> LimitVerdict:
-        """Return whether the limit holds for the runs of a configuration, with the observation."""
+        """Return the verdict on the runs of a configuration: whether the limit holds, and the observed value."""
         holds, observed, against = self._check(runs)
         more = [f"+{len(against) - _SHOWN}"] if len(against) > _SHOWN else []
         shown = f"{observed}: {', '.join([*against[:_SHOWN], *more])}" if against and not holds else observed
@@ -147,7 +147,7 @@ class _FigureLimit(Limit):
             return False, "no valid run", []
         ends = {">": seen.low, "<": seen.high}
         value = ends.get(self.compare[0], seen.share) if self.sure else seen.share
-        text = f"{seen.count} of {seen.of} = {seen.share:.1%} (95 %: {seen.low:.1%} to {seen.high:.1%})"
+        text = f"{seen.count} of {seen.of} = {seen.share:.1%} (95%: {seen.low:.1%} to {seen.high:.1%})"
         wrong = counted if self.compare[0] == "<" else [record for record in valid if record not in counted]
         return _OPERATORS[self.compare](value, self.number), text, [record.run_id for record in wrong]
 
@@ -197,7 +197,7 @@ class _BaselineLimit(Limit):
         if test.low is None or test.high is None or test.p is None:
             return False, f"{changed}, not testable", list(lost)
         text = (
-            f"{changed}, success {test.difference:+.1%} (95 %: {test.low:+.1%} to {test.high:+.1%}), "
+            f"{changed}, success {test.difference:+.1%} (95%: {test.low:+.1%} to {test.high:+.1%}), "
             f"p {p_figure(test.p)}"
         )
         if self.margin is not None:
@@ -250,5 +250,5 @@ def parse_limit(text: str) -> Limit:
 def _share(number: str, percent: str, text: str) -> float:
     share = float(number) / (100 if percent else 1)
     if not 0 <= share <= 1:
-        raise InvalidRequest(f"{quoted(text)}: a share must be between 0 and 1", valid=["0.9", "90 %"])
+        raise InvalidRequest(f"{quoted(text)}: a share must be between 0 and 1", valid=["0.9", "90%"])
     return share

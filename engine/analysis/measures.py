@@ -139,9 +139,9 @@ def _measured_drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "Measur
 class Leaders:
     """The nearest vehicle ahead on the ego's path, one entry per state that has one (``state``, an index).
 
-    ``track``: an index into the other road users' tracks; ``gaps_m`` bumper to bumper, at least 0; ``ego_mps``,
-    ``speeds_mps`` and ``accelerations_mps2`` (of the leader) along the path; ``across_m``: lateral overlap of the two
-    bodies; ``hardest_mps2``: the deceleration that the tyres allow on this road.
+    ``track`` is an index into the other road users' tracks. ``gaps_m`` are bumper to bumper, at least 0. ``ego_mps``,
+    ``speeds_mps`` and ``accelerations_mps2`` (of the leader) are along the path. ``across_m``: lateral overlap of the
+    two bodies. ``hardest_mps2``: the deceleration that the tyres allow on this road.
     """
 
     state: NDArray[np.intp]
@@ -161,7 +161,7 @@ class Leaders:
 
     @cached_property
     def times_to_collision_s(self) -> Values:
-        """Gap ÷ closing speed; infinite if the gap is not closing."""
+        """The gaps divided by the closing speeds; infinite if the gap is not closing."""
         return _ratio(self.gaps_m, self.closing_mps)
 
     @cached_property
@@ -265,7 +265,7 @@ class MeasuredDrive:
         )
 
     def _accelerations(self, states: NDArray[np.intp], tracks: NDArray[np.intp]) -> Values:
-        """Return other road users' accelerations at some states of the ego: differences of speed, within ±8 m/s²."""
+        """Return other road users' accelerations at the ego's given states: differences of speed, within ±8 m/s²."""
         found = np.zeros(len(states))
         for number in np.unique(tracks):
             track, chosen = self.others[int(number)], tracks == number
@@ -354,7 +354,7 @@ class MeasuredDrive:
             return
         other = self.others[crossing.track]
         came, left = crossing.ego_s
-        values = [("post_encroachment_time_s", crossing.post_encroachment_s, crossing.second_comes_s)]
+        values = [("post_encroachment_time_s", crossing.post_encroachment_s, crossing.second_arrival_s)]
         values += [("encroachment_time_s", left - came, came)] if crossing.ego_whole else []
         for name, value, time_s in values:
             yield MeasuredValue(

@@ -5,7 +5,7 @@ driven steps and the tracks of the other road users.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -18,21 +18,23 @@ from ...schemas.grammar import Interval
 from ...schemas.results import TimelineStep
 from ...schemas.reviews import (
     BodySide,
+    CollisionCause,
     ComfortExcess,
     Contact,
     ContactKind,
     EgoFault,
     Encounter,
-    LaidTo,
     LargestMotion,
     Prevention,
     RelativeHeading,
     ReviewResponse,
     RunReview,
     SeenCourse,
+    Sight,
 )
 from ...schemas.runs import ReviewRequest, RunRecord, RunSteps
 from ...schemas.text import RESOLUTION
+from ...schemas.worlds import REPORTED, Sighting, sightings_of
 from ..commonroad import Track, kept_recording
 from ..criticality import encounters, gaps_m, times_to_collision_s
 from ..execution import ProgressReporter
@@ -163,7 +165,7 @@ def _fault(runs: RunSet, record: RunRecord, contact: Contact) -> EgoFault | None
 
 
 def _drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Drive":
-    """Return a run with the tracks of all other road users and its predictor."""
+    """Return the drive of a run, with the tracks of all other road users and its predictor."""
     path = runs.scenario_path(record)
     if path is None:
         return _Drive(record, steps, tracks_in(runs, record, steps))
@@ -184,7 +186,7 @@ def _lane_in(path: Path, record: RunRecord, vehicle: VehicleParameters) -> Point
 
 @dataclass(frozen=True)
 class Course:
-    """A run over time, one value per state: what passengers feel, and distances to others (NaN: none within 60 m).
+    """A run over time, one value per state: what passengers feel, and distances to others (NaN beyond 60 m).
 
     ``obstacle_ids``: the nearest road user, −1 if there is none; ``time_to_collision_s``: NaN if no road user was on a
     collision course. ``lateral_mps2`` is positive to the left.
@@ -200,7 +202,7 @@ class Course:
 
 
 def course_of(runs: RunSet, record: RunRecord) -> Course | None:
-    """Return a run over time, or None if its steps are missing."""
+    """Return the course of a run, or None if the run's steps are missing."""
     steps = runs.steps.get(record.run_id)
     if steps is None or not steps.x_m:
         return None
@@ -243,6 +245,7 @@ class _Drive:
         lane: "Callable[[], Points | None] | None" = None,
     ) -> None:
         self._record, self._tracks, self._predict, self._network = record, tracks, predict, network
+        self._perceived = steps.perceived
         self._lane = lane or (lambda: None)
         self._ego = ego_track(record, steps)
         turn = wrap_angles(np.diff(self._ego.headings_rad))
@@ -309,7 +312,7 @@ class _Drive:
         )
 
     def contact(self, *, finds_latest: bool = True) -> Contact | None:
-        """Return how the collision came about, or None if there was none.
+        """Return how the collision came about, or None if there was no collision.
 
         Speeds are those at the collision; positions are those of the step before. ``finds_latest``: as in
         ``prevention_of``.
@@ -343,6 +346,8 @@ class _Drive:
         around = self._surroundings(other, evades=kind not in FROM_BEHIND)
         prevention = prevention_of(self._ego, other, hit.step, self._record.step_s, around, finds_latest=finds_latest)
         predicted = self._predicted_gap_m(other, hit.step, reached)
+        sightings = () if self._perceived is None else sightings_of(self._perceived, other.obstacle_id)
+        unseen = self._was_unseen(sightings, prevention, hit.step)
         return Contact(
             kind=kind,
             time_s=hit.time_s,
@@ -359,13 +364,18 @@ class _Drive:
             also_touched=self._also_touched(hit.step, hit.obstacle_id),
             prevention=prevention,
             predicted_gap_m=predicted,
-            laid_to=self._laid_to(kind, prevention, predicted),
+            laid_to=self._attribution(kind, prevention, predicted, unseen=unseen),
+            sight=self._sight(sightings, hit.step),
         )
 
-    def _laid_to(self, kind: ContactKind, prevention: Prevention | None, predicted_m: float | None) -> LaidTo | None:
-        """Return what the collision is attributed to: the first match of recording, neither, prediction, planning.
+    def _attribution(
+        self, kind: ContactKind, prevention: Prevention | None, predicted_m: float | None, *, unseen: bool
+    ) -> CollisionCause | None:
+        """Return the cause of the collision: the first that applies of recording, neither, perception, prediction and
+        planning.
 
-        ``neither``: neither UN R157's careful driver nor the fuzzy driver prevents it from both starts.
+        ``neither``: neither UN R157's careful driver nor the fuzzy driver prevents it from both starts. ``unseen``: the
+        planner did not get the other road user in time.
         """
         if kind in FROM_BEHIND and self._record.traffic == "recorded":
             return "recording"
@@ -373,9 +383,46 @@ class _Drive:
             return None
         if not prevention.attributable:
             return "neither"
+        if unseen:
+            return "perception"
         if self._record.prediction == "ground_truth" or not plans_on_predictions(self._record):
             return "planning"
         return None if predicted_m is None else "prediction" if predicted_m > 0 else "planning"
+
+    def _was_unseen(self, sightings: Sequence[Sighting], prevention: Prevention | None, hit_step: int) -> bool:
+        """Return whether the planner did not get the other road user when the ego could last have braked.
+
+        That is the latest time at which full braking prevents the collision, or a second before it if it does not.
+        """
+        until_s = None if prevention is None else prevention.by_braking_until_s
+        step = hit_step - round(_FORESEEN_S / self._record.step_s)
+        if until_s is not None:
+            step = self._ego.first_step + round(until_s / self._record.step_s)
+        then = [one for one in sightings if one.step <= max(step, self._ego.first_step)]
+        return bool(sightings) and (not then or then[-1].code not in REPORTED)
+
+    def _sight(self, sightings: Sequence[Sighting], hit_step: int) -> Sight | None:
+        """Return since when the planner had got a road user at a step, or None if it always had."""
+        before = [one for one in sightings if one.step <= hit_step]
+        last = max((at for at, one in enumerate(before) if one.code not in REPORTED), default=-1)
+        if last < 0:
+            return None
+        why = last
+        while why > 0 and before[why].code == "unconfirmed" and before[why - 1].code not in REPORTED:
+            why -= 1
+        by = before[why].by
+        first = next((one.step for one in before if one.code in REPORTED), None)
+        since = before[last + 1].step if last + 1 < len(before) else None
+        return Sight(
+            code=before[why].code,
+            by=by,
+            by_class="" if by is None or by not in self._tracks else self._tracks[by].kind,
+            first_s=self._since_start_s(first),
+            since_s=self._since_start_s(since),
+        )
+
+    def _since_start_s(self, step: int | None) -> float | None:
+        return None if step is None else round((step - self._ego.first_step) * self._record.step_s, 9)
 
     def _surroundings(self, other: Track, *, evades: bool) -> Surroundings:
         """Return the surroundings of an encounter; they include the road only if it is known and the ego may evade."""
@@ -403,7 +450,7 @@ class _Drive:
         at = other.index_at(hit_step - steps)
         if self._predict is None or at is None or steps < 1 or len(other.positions) < 2:
             return None
-        if not plans_on_predictions(self._record):
+        if not plans_on_predictions(self._record) or not self._record.world.reports_true_states:
             return None
         foreseen = self._predict(other, at, steps, self._record.step_s)
         body = oriented_rectangle(foreseen.positions[-1], float(foreseen.headings_rad[-1]), other.size_m)
@@ -422,16 +469,16 @@ class _Drive:
         if heading != "same":
             return heading, None
         if sides[0] == "rear" or (sides[1] == "front" and sides[0] != "front"):
-            came = self._came_in(index, ahead=(self._ego, index), behind=(other, at))
+            came = self._cut_in_time_s(index, ahead=(self._ego, index), behind=(other, at))
             kind: ContactKind = "rear_end_by_other" if sides[0] == "rear" else "side"
             return (kind if came is None else "cut_in_by_ego"), came
         if sides[0] == "front":
-            came = self._came_in(index, ahead=(other, at), behind=(self._ego, index))
+            came = self._cut_in_time_s(index, ahead=(other, at), behind=(self._ego, index))
             kind = "rear_end_by_ego" if sides[1] == "rear" else "side"
             return (kind if came is None else "cut_in"), came
         return "side", None
 
-    def _came_in(self, index: int, *, ahead: tuple[Track, int], behind: tuple[Track, int]) -> float | None:
+    def _cut_in_time_s(self, index: int, *, ahead: tuple[Track, int], behind: tuple[Track, int]) -> float | None:
         """Return when the vehicle ahead entered the path of the vehicle behind, or None.
 
         None means that it entered longer ago, or that the vehicle behind changed lanes. The path of the vehicle behind
@@ -569,11 +616,11 @@ def _uncomfortable(motion: _Motion) -> Iterator[ComfortExcess]:
     """Yield the motions that exceeded a comfort limit.
 
     ISO 15622:2018 (adaptive cruise control): acceleration averaged over 2 s up to 2.0 m/s², braking averaged over 2 s
-    up to 3.5 m/s², and the jerk of braking averaged over 1 s up to 2.5 m/s³, all at 20 m/s and above; the limits at 5
-    m/s and below are 4.0, 5.0 and 5.0. ISO 11270:2014 (lane keeping): lateral acceleration up to 3 m/s². UN Regulation
-    79 (automatically commanded steering): lateral jerk averaged over 0.5 s up to 5 m/s³. Only complete windows are
-    averaged; the speed is that of the window's end. The filter of UN R79 is left out, because these values are not
-    sensor measurements.
+    up to 3.5 m/s², and the jerk of braking averaged over 1 s up to 2.5 m/s³. These limits apply at 20 m/s and above; at
+    5 m/s and below, they are 4.0, 5.0 and 5.0. ISO 11270:2014 (lane keeping): lateral acceleration up to 3 m/s². UN
+    Regulation 79 (automatically commanded steering): lateral jerk averaged over 0.5 s up to 5 m/s³. Only complete
+    windows are averaged; the speed is that of the window's end. The filter of UN R79 is left out, because these values
+    are not sensor measurements.
     """
     step_s, felt = motion.step_s, motion.acceleration_mps2
     mean = _window_means(felt, round(2.0 / step_s))
@@ -637,7 +684,7 @@ def timeline(
 ) -> tuple[TimelineStep, ...]:
     """Return at most ten entries from the last three seconds, three seconds around a moment, or a time window.
 
-    There are none if the run has no steps.
+    The result is empty if the run has no steps.
 
     Raises:
         InvalidRequest: the run ended before the window.

@@ -1,4 +1,4 @@
-"""Why an ego stood, drove slowly or braked: lights, signs, road users, the goal, the road, or no cause.
+"""Finds out why an ego stood, drove slowly or braked: lights, signs, road users, the goal, the road, or no cause.
 
 Each stretch of a run gets one code (``PaceCode``; the rules are in ``docs/runs.md``). Only what was on the ego's path
 counts: the path that it drove, and then the reference path to its goal. Anything that would excuse the ego is a cause,
@@ -36,7 +36,7 @@ FOLLOWS_S = 3.0
 seventh edition says 2.5 s).
 """
 QUEUE_GAP_M = 12.5
-"""Measured: of 343 vehicles that stand behind a standing one in the recordings of 195 public scenarios, 97.5 % keep a
+"""Measured: of 343 vehicles that stand behind a standing one in the recordings of 195 public scenarios, 97.5% keep a
 gap of at most 12.4 m (median 2.5 m).
 """
 START_UP_S = 2.0
@@ -81,7 +81,7 @@ they join without a kink.
 
 
 def pace_of(runs: RunSet, record: RunRecord) -> tuple[PaceMoment, ...]:
-    """Return where and why the ego of a run stood, was held up or braked; empty if steps or scenario are missing."""
+    """Return the stretches in which a run's ego stood, was held up or braked; empty without steps or scenario."""
     kept = runs.look(record)
     if kept is not None:
         return kept.review.pace
@@ -92,7 +92,7 @@ def pace_of(runs: RunSet, record: RunRecord) -> tuple[PaceMoment, ...]:
 
 
 def own_doing(runs: RunSet, record: RunRecord, time_s: float) -> PaceMoment | None:
-    """Return what the ego did without a cause up to three seconds before a time, or None.
+    """Return the ego's stop or braking without a cause in the three seconds before a time, or None.
 
     If there are several, a stop comes first, and otherwise the braking that reduced the speed most.
     """
@@ -164,7 +164,7 @@ class _Line:
 
 @dataclass(frozen=True)
 class _Cause:
-    """Why the ego stands or brakes at a state; ``needed_mps2``: the constant braking that this requires."""
+    """A cause for the ego to stand or brake at a state; ``needed_mps2``: the constant braking that this requires."""
 
     code: PaceCode
     obstacle_id: int | None = None
@@ -173,7 +173,7 @@ class _Cause:
 
     @property
     def strong(self) -> bool:
-        """Return True if the cause requires more than letting the vehicle roll."""
+        """Whether the cause requires more than letting the vehicle roll."""
         return self.needed_mps2 >= NEEDED_MPS2
 
     def explains(self, hardest_mps2: float, usual_mps2: float) -> bool:
@@ -261,7 +261,7 @@ class _Pace:
         return found
 
     def _settled(self, first: int, causes: list[_Cause]) -> Iterator[PaceMoment]:
-        """Yield stretches of one code; one shorter than a start belongs to the stretch before or after it."""
+        """Yield stretches of one code; a stretch shorter than a start belongs to the stretch before or after it."""
         runs: list[list[int]] = []
         for index, cause in enumerate(causes):
             if runs and causes[runs[-1][0]].code == cause.code:
@@ -285,7 +285,7 @@ class _Pace:
 
         A vehicle that pulls away from the ego does not hold it up, however near it is.
         """
-        wanted = self.wanted_mps
+        wanted = self.required_mps
         slow = np.zeros(self._drive.count, dtype=bool)
         ids = np.full(self._drive.count, -1)
         for index in range(self._drive.count):
@@ -502,19 +502,19 @@ class _Pace:
         shift = track.first_step - self._ego.first_step
         first, last = max(shift, 0), min(shift + len(track.positions), self._looked_at)
         station, along = np.full(self._looked_at, np.nan), np.zeros(self._looked_at, dtype=bool)
-        way = self._path_from_behind
-        if first < last and way is not None:
+        path = self._path_from_behind
+        if first < last and path is not None:
             theirs = slice(first - shift, last - shift)
-            located = shapely.line_locate_point(way.line, shapely.points(track.positions[theirs])) + way.stations_m[0]
-            segment = np.searchsorted(way.stations_m, located, side="right") - 1
-            segment = np.clip(segment, 0, len(way.headings_rad) - 1)
-            turned = wrap_angles(track.headings_rad[theirs] - way.headings_rad[segment])
+            located = shapely.line_locate_point(path.line, shapely.points(track.positions[theirs])) + path.stations_m[0]
+            segment = np.searchsorted(path.stations_m, located, side="right") - 1
+            segment = np.clip(segment, 0, len(path.headings_rad) - 1)
+            turned = wrap_angles(track.headings_rad[theirs] - path.headings_rad[segment])
             station[first:last], along[first:last] = located, np.abs(turned) < SAME_DIRECTION_RAD
         return _Course(station, along)
 
     @cached_property
     def _looked_at(self) -> int:
-        """The number of steps, from the ego's first, at which road users are examined; some are after the run."""
+        """The number of steps, counted from the ego's first, in which road users are examined, even after the run."""
         return self._ego.last_step + round(CRITICAL_HEADWAY_S / self._step_s) - self._ego.first_step + 1
 
     @cached_property
@@ -540,7 +540,7 @@ class _Pace:
 
     @cached_property
     def _on_path(self) -> list[_OnPath]:
-        """The other road users whose body is in the ego's path at some time, until some time after the run."""
+        """The other road users with their body in the ego's path at some time, until some time after the run."""
         import shapely
 
         line = shapely.LineString(self._path) if len(self._path) > 1 and self._along[-1] > 0 else None
@@ -585,7 +585,7 @@ class _Pace:
         return None
 
     def _who_comes(self, index: int) -> _Cause | None:
-        """Return the road user that a driving ego would meet within three seconds if it kept its speed."""
+        """Return the cause if a driving ego would meet a road user within three seconds at its present speed."""
         here, speed = float(self._stations[index]), max(float(self._speeds[index]), STANDING_MPS)
         until = index + round(CRITICAL_HEADWAY_S / self._step_s)
         best: _Cause | None = None
@@ -632,7 +632,7 @@ class _Pace:
         return sorted(found, key=lambda line: line.station_m)
 
     def _any_stops(self, lights: "tuple[TrafficLight, ...]") -> bool:
-        """Return True if any of some lights requires a stop at some time of the run."""
+        """Return True if any of the lights requires a stop at any time during the run."""
         return any(not self._drive.shown(light, _GO).all() for light in lights)
 
     def _line_ahead(self, index: int) -> _Line | None:
@@ -643,7 +643,7 @@ class _Pace:
         return line.station_m - float(self._stations[index]) - self._ego.length_m / 2
 
     def _stops(self, line: _Line, index: int) -> bool:
-        """Return True if a light of the line requires a stop at a state, or at one after the run."""
+        """Return True if a light at the line requires a stop at this step, which may be after the end of the run."""
         step = self._ego.first_step + index
         return any(light.get_state_at_time_step(step).name not in _GO for light in line.lights)
 
@@ -662,8 +662,8 @@ class _Pace:
         """
         if self._reference is not None:
             path, start = self._reference.points, self._reference.follower().place(self._ego.positions[0])[0]
-            stations, bends = curvatures(path)
-            return stations - start, bends
+            stations, curvature = curvatures(path)
+            return stations - start, curvature
         kept = np.concatenate([[True], np.diff(self._along) > 1e-3])
         way = self._path[kept]
         if len(way) < 4 or self._along[-1] < 4.0:
@@ -702,7 +702,7 @@ class _Pace:
         return self._ego.first_step + index < goal.first_step and goal.holds(self._ego.positions[index])
 
     @cached_property
-    def wanted_mps(self) -> float:
+    def required_mps(self) -> float:
         """The average speed that the ego needs to be on time, and at least its initial speed."""
         began = float(self._speeds[0])
         if self._goal is None or self._reference is None or not self._goal.has_position:

@@ -1,4 +1,4 @@
-"""Whether a reference driver in the ego's place could have prevented a collision; all others move as recorded.
+"""Judges whether a reference driver in the ego's place could have prevented a collision; all others move as recorded.
 
 The drivers are those of ``engine/planners/reference_drivers``: UN R157's careful driver, the fuzzy safety model, RSS,
 full braking, and a driver that keeps its lane and speed. Each driver is judged from two starts:
@@ -194,7 +194,7 @@ class _Encounters:
         return None if index is None else round(index * self.step_s, 9)
 
     def verdicts(self) -> Iterator[DriverVerdict]:
-        """Yield one verdict for each driver and start."""
+        """Yield one verdict for each reference driver and start."""
         for start, scene in (("before_contact", self._as_driven), ("start", self._on_lane)):
             yield from self._verdicts_from(start, scene)  # type: ignore[arg-type]
 

@@ -1,4 +1,4 @@
-"""Whether an ego that respects the speed limit can reach a goal in time, bounded by a straight line."""
+"""Decides whether an ego that respects the speed limit can reach a goal in time, bounded by a straight line."""
 
 import math
 from typing import Any

@@ -52,7 +52,7 @@ YieldsBy = Literal["right before left", "signs", "left turn"]
 
 @dataclass(frozen=True)
 class Ahead:
-    """A road user on the ego's path at each state: its gap ahead, bumper to bumper (infinite: not ahead), and motion.
+    """A road user near the ego: at each state, its gap ahead on the ego's path (infinite if not ahead), and its motion.
 
     ``seen``: whether it was within 60 m; ``collision_s``: time until it and the ego touch on their courses, infinite if
     never.
@@ -96,8 +96,9 @@ class _Passage:
 class Conflict:
     """A road user to which the ego must give way at an intersection, with the area where their paths overlap.
 
-    At each state, ``is_there``: whether the ego's body is in the area; ``until_s``, ``since_s``: the time until the
-    road user's body is next in the area, and since it last was; 0 while it is in the area, infinite if it never is.
+    The arrays have one entry per state. ``is_there``: whether the ego's body is in the area. ``until_s``, ``since_s``:
+    the time until the road user's body is next in the area, and since it last was; 0 while it is in the area, infinite
+    if it never is.
     """
 
     by: YieldsBy
@@ -209,14 +210,14 @@ class RuledDrive:
         front = self.ego.length_m / 2
         path = self.path
         along = np.stack([np.cos(path.headings_rad), np.sin(path.headings_rad)], axis=1)
-        way = path.positions + front * along
-        stations = arc_length(way)[: self.count]
+        bumper_path = path.positions + front * along
+        stations = arc_length(bumper_path)[: self.count]
         found = []
         for key in dict.fromkeys(lanelet for under in self.lanelets for lanelet in under):
             lanelet = self.network.find_lanelet_by_id(key)
             if not (lanelet.traffic_lights or lanelet.traffic_signs):
                 continue
-            station = meeting_m(way, self.roads.stop_line(lanelet))
+            station = meeting_m(bumper_path, self.roads.stop_line(lanelet))
             if station is None or station < stations[0]:
                 continue
             at = min(int(np.searchsorted(stations, station)), self.count - 1)
@@ -283,7 +284,7 @@ class RuledDrive:
         )
 
     def shown(self, light: "TrafficLight", colours: Sequence[str]) -> NDArray[np.bool_]:
-        """Return the states at which a light has one of the given colours (CommonRoad's names)."""
+        """Return a mask of the states at which a light has one of the given colours (CommonRoad's names)."""
         steps = range(self.ego.first_step, self.ego.first_step + self.count)
         return np.array([light.get_state_at_time_step(step).name in colours for step in steps])
 
@@ -299,7 +300,7 @@ class RuledDrive:
 
 
 class _Roads:
-    """The lanelets in an area; answers which are under points, and returns their bounds, lines and overlaps."""
+    """The lanelets in an area, with queries for those under given points and for their bounds, lines and overlaps."""
 
     def __init__(self, network: "LaneletNetwork", area: "BaseGeometry") -> None:
         self._network = network
@@ -403,24 +404,24 @@ class _Roads:
 
 
 def _bend(lane: "Lanelet", following: "Lanelet") -> float:
-    """Return how far the direction turns from the end of a lanelet to that of the next."""
+    """Return the change of direction in rad from the end of a lanelet to the end of the next."""
     ends = [headings(np.asarray(one.center_vertices, dtype=float)[-2:])[0] for one in (lane, following)]
     return abs(float(wrap_angles(np.array([ends[1] - ends[0]]))[0]))
 
 
-def meeting_m(way: Points, line: Points) -> float | None:
+def meeting_m(path: Points, line: Points) -> float | None:
     """Return the station at which a path first meets a line, or None if it does not."""
     from shapely import LineString, Point
 
-    crossing = LineString(way).intersection(LineString(line))
+    crossing = LineString(path).intersection(LineString(line))
     if crossing.is_empty:
         return None
     points = [Point(part.coords[0]) for part in getattr(crossing, "geoms", [crossing])]
-    return min(float(LineString(way).project(point)) for point in points)
+    return min(float(LineString(path).project(point)) for point in points)
 
 
 def _inside(track: Track, steps: NDArray[np.int_], area: "BaseGeometry") -> NDArray[np.bool_]:
-    """Return the steps at which the body of a track overlaps an area."""
+    """Return a mask of the steps at which the body of a track overlaps an area."""
     import shapely
 
     at = steps - track.first_step
@@ -433,7 +434,7 @@ def _inside(track: Track, steps: NDArray[np.int_], area: "BaseGeometry") -> NDAr
 
 
 def _until(condition: NDArray[np.bool_]) -> Values:
-    """Return the steps until a condition next holds: 0 if it does, infinite if it never does again."""
+    """Return at each step the number of steps until a condition next holds: 0 if it holds, infinite if never again."""
     result, next_at = np.full(len(condition), np.inf), np.inf
     for index in range(len(condition) - 1, -1, -1):
         next_at = 0.0 if condition[index] else next_at + 1.0
@@ -443,14 +444,14 @@ def _until(condition: NDArray[np.bool_]) -> Values:
 
 def _turn(incoming: "IntersectionIncomingElement", steps_on: Counter[int]) -> tuple[str, frozenset[int]]:
     """Return the turn from an incoming that has the most steps, and the lanelets of that turn that were used."""
-    ways = {
+    directions = {
         "straight": incoming.successors_straight,
         "left": incoming.successors_left,
         "right": incoming.successors_right,
     }
-    longest = {turn: sum(steps_on[key] for key in keys) for turn, keys in ways.items()}
+    longest = {turn: sum(steps_on[key] for key in keys) for turn, keys in directions.items()}
     turn = max(longest, key=lambda name: longest[name])
-    return (turn, frozenset(key for key in ways[turn] if steps_on[key])) if longest[turn] else ("", frozenset())
+    return (turn, frozenset(key for key in directions[turn] if steps_on[key])) if longest[turn] else ("", frozenset())
 
 
 def _passage(
@@ -476,7 +477,7 @@ def _passage(
 
 
 def _yields_by(own: _Passage, theirs: _Passage, is_lit: bool, network: "LaneletNetwork") -> YieldsBy | None:
-    """Return why the ego gives way to another at an intersection, or None. A traffic light overrides all signs."""
+    """Return why the ego must give way to another road user at an intersection, or None. Lights override all signs."""
     if own.incoming_id == theirs.incoming_id:
         return None
     turned = abs(float(wrap_angles(np.array([theirs.heading_rad - own.heading_rad]))[0]))

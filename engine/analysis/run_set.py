@@ -52,17 +52,17 @@ class RunSet:
 
     @property
     def valid(self) -> tuple[RunRecord, ...]:
-        """Runs that could be attempted: the denominator of every rate."""
+        """The runs that could be attempted: the denominator of every rate."""
         return tuple(record for record in self.records if record.outcome != "invalid")
 
     @property
     def failures(self) -> tuple[RunRecord, ...]:
-        """Valid runs that did not reach the goal."""
+        """The valid runs that did not reach the goal."""
         return tuple(record for record in self.valid if record.outcome != "goal_reached")
 
     @property
     def successes(self) -> tuple[RunRecord, ...]:
-        """Runs that reached the goal."""
+        """The runs that reached the goal."""
         return tuple(record for record in self.valid if record.outcome == "goal_reached")
 
     @cached_property
@@ -139,7 +139,7 @@ class RunSet:
         return {name: terms.get(name, name) for name in self.cost_weights(config_id)}
 
     def vehicle(self, record: RunRecord) -> VehicleParameters:
-        """Return the ego's vehicle in its configuration if that is known, else CommonRoad's vehicle 2."""
+        """Return the parameters of the ego's vehicle; CommonRoad's vehicle 2 if its configuration is unknown."""
         settings = next((config.settings for config in self.configs if config.config_id == record.config_id), {})
         vehicle = vehicle_of(PlannerSettings.model_validate(settings), record.ego_class)
         sized = replace(vehicle, length_m=record.ego_length_m, width_m=record.ego_width_m)
@@ -187,7 +187,7 @@ def read_steps(source: RunSource) -> RunSteps | None:
 
 
 def read_series(source: RunSource) -> RunSeries | None:
-    """Return a run's series, stored next to its steps, or None for a run that was stored without them.
+    """Return a run's series, stored next to its steps, or None if the run was stored without series.
 
     Raises:
         ResourceFailure: the file exists but cannot be read.
@@ -204,7 +204,7 @@ def read_series(source: RunSource) -> RunSeries | None:
 
 
 def _with_shown_names(steps: RunSteps) -> RunSteps:
-    """Return the steps with a planner's terms and constraints named as answers print them."""
+    """Return the steps with a planner's terms and constraints renamed to the names that answers show."""
     words = {name: shown_name(name) for name in (*steps.costs, *steps.rejected)}
     if all(shown == name for name, shown in words.items()):
         return steps
@@ -234,7 +234,7 @@ def driven_tracks(steps: RunSteps) -> dict[int, Track]:
 
 
 def tracks_in(runs: RunSet, record: RunRecord, steps: RunSteps) -> dict[int, Track]:
-    """Return all other road users in a run, with static obstacles; without a file, only reactive traffic."""
+    """Return the tracks of a run's other road users by id, static ones too; without a file, only reactive traffic."""
     path = runs.scenario_path(record)
     if path is None:
         return driven_tracks(steps)
@@ -300,7 +300,7 @@ METRICS: tuple[MetricSpec, ...] = tuple(
 
 
 def cost_shares(runs: RunSet) -> tuple[CostShare, ...]:
-    """Return terms by configuration, largest share first; terms that are always 0 are left out."""
+    """Return each cost term's share by configuration, largest share first; terms that are always 0 are left out."""
     shares: list[CostShare] = []
     for config_id, records in runs.by_config(runs.valid).items():
         terms = config_terms(runs, records)
@@ -337,6 +337,6 @@ def mean_terms(steps: RunSteps, since_step: int | None = None) -> dict[str, floa
 
 
 def share_of(terms: dict[str, float], wanted: Sequence[str]) -> float | None:
-    """Return the share of some terms in the total, or None if the total is 0."""
+    """Return the share of the wanted terms in the total cost, or None if the total is 0."""
     total = sum(terms.values())
     return sum(terms.get(term, 0.0) for term in wanted) / total if total > 0 else None

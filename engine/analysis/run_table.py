@@ -112,7 +112,7 @@ def _kind_of(values: Column) -> type:
 
 
 def _measured(request: RunTableRequest) -> Iterator[dict[str, Value]]:
-    """Yield the measures of each run that are not stored but computed from its steps; None if a run lacks one."""
+    """Yield the measures of each run that are not stored but computed from its steps; None for a missing measure."""
     known = {configuration.config_id: configuration for configuration in request.configurations}
     for record in request.records:
         configuration = known.get(record.config_id)

@@ -22,11 +22,11 @@ from ...schemas.results import SIGNIFICANCE_LEVEL, Rate
 from ..execution import ProgressReporter
 
 FEWEST_PAIRS = 6
-"""With fewer differing pairs, a two-sided test on signs or ranks cannot go below 5 %: 2 · 0.5⁵ = 6.25 %."""
+"""With fewer differing pairs, a two-sided test on signs or ranks cannot go below 5%: 2 · 0.5⁵ = 6.25%."""
 _Z_95 = 1.959963984540054
-"""The 97.5 % quantile of the standard normal distribution."""
+"""The 97.5% quantile of the standard normal distribution."""
 _Z_80 = 0.8416212335729143
-"""The 80 % quantile of the standard normal distribution."""
+"""The 80% quantile of the standard normal distribution."""
 LEVEL = SIGNIFICANCE_LEVEL
 """The level of all tests and intervals."""
 _MOST_EXACT = 60
@@ -34,7 +34,7 @@ _MOST_EXACT = 60
 
 
 def rate(count: int, of: int) -> Rate:
-    """Return the share of independent trials with its 95 % Wilson interval; all None if there are no trials."""
+    """Return the share of independent trials with its 95% Wilson interval; all None if there are no trials."""
     if of == 0:
         return Rate(count=0, of=0, share=None, low=None, high=None)
     low, high = wilson_interval(count, of)
@@ -42,12 +42,13 @@ def rate(count: int, of: int) -> Rate:
 
 
 def rate_by_scenario(trials: Iterable[tuple[str, bool]]) -> Rate:
-    """Return the share of true trials with its 95 % interval; a trial is its scenario and its outcome.
+    """Return the share of true trials with its 95% interval; a trial is its scenario and its outcome.
 
     If there are no trials, the share and the interval are None. The interval is Wilson's for the effective number of
-    trials, reduced by the design effect of the scenarios (Rao and Scott 1992, "A simple method for the analysis of
-    clustered binary data"), with Student's quantile for the number of scenarios (Korn and Graubard 1998; Dean and
-    Pagano 2015 on Wilson's form of it). If all trials have the same outcome, a scenario counts as one trial.
+    trials, with Student's quantile for the number of scenarios (Korn and Graubard 1998; Dean and Pagano 2015 on
+    Wilson's form of it). The design effect of the scenarios reduces the number of trials (Rao and Scott 1992, "A simple
+    method for the analysis of clustered binary data"). If all trials have the same outcome, a scenario counts as one
+    trial.
     """
     clusters = _sums((key, float(outcome)) for key, outcome in trials)
     count, of = round(sum(total for total, _ in clusters)), sum(size for _, size in clusters)
@@ -70,7 +71,7 @@ _Cluster = tuple[float, int]
 
 
 def _sums(trials: Iterable[tuple[str, float]]) -> list[_Cluster]:
-    """Return the sum and the number of values by scenario, in order of appearance."""
+    """Return the sum and number of each scenario's values, in order of appearance."""
     sums: dict[str, tuple[float, int]] = {}
     for key, value in trials:
         total, size = sums.get(key, (0.0, 0))
@@ -91,14 +92,14 @@ def _effective(clusters: Sequence[_Cluster], of: int, mean: float, variance: flo
 
 
 def _student(degrees: int) -> float:
-    """Return the 97.5 % quantile of Student's distribution."""
+    """Return the 97.5% quantile of Student's distribution."""
     from scipy.special import stdtrit
 
     return float(stdtrit(degrees, 0.975))
 
 
 def wilson_interval(count: int, of: int, effective: float | None = None) -> tuple[float, float]:
-    """Return the 95 % score interval of a binomial share (Wilson 1927; notation of Newcombe 1998).
+    """Return the 95% score interval of a binomial share (Wilson 1927; notation of Newcombe 1998).
 
     ``effective``: the number of independent trials; by default ``of``.
 
@@ -120,7 +121,7 @@ def wilson_interval(count: int, of: int, effective: float | None = None) -> tupl
 
 @dataclass(frozen=True)
 class PairedShares:
-    """Success before and after on the same problems: difference (after − before), 95 % interval, and p.
+    """Success before and after on the same problems: difference (after − before), 95% interval, and p.
 
     ``p`` is exact: under the null hypothesis, each scenario's flips could have gone the other way, all together
     (McNemar's test if every scenario has one pair). If the exact test shows no difference (p of at least 0.05), the
@@ -173,7 +174,7 @@ def _sign_flips(totals: Sequence[int]) -> float:
 
 
 def needed_scenarios(discordant: float, difference: float) -> int | None:
-    """Return the number of pairs that show a difference at 5 % with a power of 80 %, or None if no number does.
+    """Return the number of pairs that show a difference at 5% with a power of 80%, or None if no number does.
 
     Connor 1987, "Sample size for testing differences in proportions for the paired-sample design"; ``discordant`` is
     the share of pairs that flip, which is at least the difference.
@@ -210,7 +211,7 @@ class SignedRank:
 
 
 def signed_rank(differences: Sequence[float]) -> SignedRank:
-    """Apply Wilcoxon's signed-rank test to differences; zeros keep ranks (Pratt 1959), ties share the mean rank.
+    """Return Wilcoxon's signed-rank test of differences; zeros keep ranks (Pratt 1959), ties share the mean rank.
 
     Up to 60 pairs, p comes from the exact permutation distribution of the observed ranks, ties included; above, from
     the normal approximation with continuity correction.
@@ -276,7 +277,7 @@ def walsh_averages(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _interval(averages: NDArray[np.float64], count: int) -> tuple[float | None, float | None]:
-    """Return the distribution-free 95 % interval from the ordered Walsh averages (Hollander and Wolfe, chapter 3)."""
+    """Return the distribution-free 95% interval from the ordered Walsh averages (Hollander and Wolfe, chapter 3)."""
     if count < FEWEST_PAIRS:
         return None, None
     if count <= _MOST_EXACT:

@@ -27,6 +27,7 @@ from ...schemas.results import (
 )
 from ...schemas.reviews import Encounter, RunReview
 from ...schemas.runs import AT_GOAL, CRITICAL_TIME_TO_COLLISION_S, Outcome, RunRecord
+from ...schemas.text import counted
 from ..commonroad import parse_benchmark_id
 from ..execution import ProgressReporter, silent
 from .causes import beyond_vehicle, collision_causes, trivial_goals
@@ -85,7 +86,7 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         )
     if detail == "rows" and request.offset >= len(runs.sources) > 1:
         raise InvalidRequest(
-            f"offset {request.offset} is beyond the last of {len(runs.sources)} runs",
+            f"offset {request.offset} is beyond the last of {counted(len(runs.sources), 'run')}",
             valid=[f"0 to {len(runs.sources) - 1}"],
         )
     report(0.1, "reading runs")
@@ -179,7 +180,7 @@ _OFF_ROAD_RISK = 1
 
 
 def _ease(record: RunRecord) -> tuple[float, ...]:
-    """Return the sort key: risk, time and distance to a collision, duration; the most harmful run comes first."""
+    """Return a run's sort key: risk, time and distance to a collision, duration; the most harmful run comes first."""
     found = record.metrics
     if found is None:
         return (math.inf,)
@@ -189,7 +190,7 @@ def _ease(record: RunRecord) -> tuple[float, ...]:
 
 
 def _page(runs: RunSet, request: AnalyseRequest) -> list[RunRecord]:
-    """Return the runs of the requested page: failures first, the hardest of each first, invalid ones last."""
+    """Return the requested page of runs: failures, successes, then invalid runs; most harmful first in each."""
     invalid = [record for record in runs.records if record.outcome == "invalid"]
     ordered = [*sorted(runs.failures, key=_ease), *sorted(runs.successes, key=_ease), *invalid]
     return ordered if len(ordered) == 1 else ordered[request.offset : request.offset + request.limit]
@@ -227,7 +228,8 @@ def _notes(
     """Yield each note with its figures by name."""
     if request.lost:
         first = request.lost[0]
-        words = f"{len(request.lost)} cells have no run and count in no figure; the first: {first.scenario_id} with "
+        cells = f"{counted(len(request.lost), 'cell')} without a run, counted in no figure"
+        words = f"{cells}; the first: {first.scenario_id} with "
         yield words + f"{first.config_id}: {first.error}", {"lost_cells": len(request.lost)}
     if request.where:
         words = f"{len(runs.sources)} of {len(request.runs)} runs match {' and '.join(request.where)}"
@@ -327,16 +329,16 @@ def _groups(runs: RunSet, breakdown: Breakdown, *, is_one: bool, summed: bool) -
     """
     if breakdown == "pooled" or (breakdown == "none" and is_one):
         return ()
-    asked = "config" if breakdown == "none" else breakdown
-    apart = not is_one and asked in _OF_SCENARIOS
+    factor = "config" if breakdown == "none" else breakdown
+    apart = not is_one and factor in _OF_SCENARIOS
     members: dict[str, list[RunRecord]] = {}
     for record in runs.records:
-        for name in _GROUPERS[asked](runs, record):
+        for name in _GROUPERS[factor](runs, record):
             members.setdefault(f"{name}, {record.config_name}" if apart else name, []).append(record)
     order = [name for name in _BIN_NAMES if name in members] if breakdown == "obstacle_count" else sorted(members)
     order += [name for name in sorted(members) if name not in order]
     groups = tuple(_group(runs, name, members[name]) for name in order)
-    if asked != "config" or is_one:
+    if factor != "config" or is_one:
         return groups
     by_configuration = runs.by_configuration
     return tuple(

@@ -115,9 +115,9 @@ def rule_shares(runs: RunSet) -> tuple[RuleShare, ...]:
 
 
 def _share(runs: RunSet, judged: Sequence[tuple[RunRecord, RuleVerdict]]) -> RuleShare:
-    """Return how many runs of a configuration broke one rule."""
-    asked = [(record, verdict) for record, verdict in judged if verdict.robustness is not None]
-    broken = sorted((-verdict.degree, record.run_id) for record, verdict in asked if verdict.violated)
+    """Return the share of a configuration's runs that broke one rule."""
+    applicable = [(record, verdict) for record, verdict in judged if verdict.robustness is not None]
+    broken = sorted((-verdict.degree, record.run_id) for record, verdict in applicable if verdict.violated)
     run_ids = tuple(run_id for _, run_id in broken)
     record, rule = judged[0]
     return RuleShare(
@@ -126,7 +126,7 @@ def _share(runs: RunSet, judged: Sequence[tuple[RunRecord, RuleVerdict]]) -> Rul
         unit=rule.unit,
         config_id=record.config_id,
         config_name=record.config_name,
-        violated=runs.rate((one for one, _ in asked), lambda one: one.run_id in run_ids),
+        violated=runs.rate((one for one, _ in applicable), lambda one: one.run_id in run_ids),
         worst=-broken[0][0] if broken else None,
         run_ids=run_ids,
     )
@@ -230,8 +230,8 @@ def _red_light(drive: RuledDrive) -> Iterator[Signal]:
         for light in drive.lights_for(line):
             red = truth(drive.shown(light, ("RED", "RED_YELLOW")))
             turns_red = conjunction(red, negation(previously(red)))
-            had_passed = since(red, conjunction(turns_red, truth(line.before_m < 0)))
-            yield Signal(implies(conjunction(red, negation(had_passed)), line.before_m))
+            passed_before = since(red, conjunction(turns_red, truth(line.before_m < 0)))
+            yield Signal(implies(conjunction(red, negation(passed_before)), line.before_m))
 
 
 def _stop_sign(drive: RuledDrive) -> Iterator[Signal]:
@@ -256,7 +256,7 @@ def _holds_for(signal: Values, steps: int) -> Values:
     return np.where(np.arange(len(signal)) >= steps, historically(signal, 0, steps), -np.inf)
 
 
-def _giving_way(by: YieldsBy) -> Callable[[RuledDrive], Iterator[Signal]]:
+def _yielding(by: YieldsBy) -> Callable[[RuledDrive], Iterator[Signal]]:
     def signals(drive: RuledDrive) -> Iterator[Signal]:
         for one in drive.conflicts:
             if one.by == by:
@@ -318,11 +318,11 @@ TRAFFIC_RULES: tuple[TrafficRule, ...] = (
         _red_light,
     ),
     TrafficRule(
-        "R_IN3", "right before left", "s", f"{_CROSSINGS}; StVO § 8(1)", _CLEAR, _giving_way("right before left")
+        "R_IN3", "right before left", "s", f"{_CROSSINGS}; StVO § 8(1)", _CLEAR, _yielding("right before left")
     ),
-    TrafficRule("R_IN4", "priority by signs", "s", f"{_CROSSINGS}; StVO § 8(1)", _CLEAR, _giving_way("signs")),
+    TrafficRule("R_IN4", "priority by signs", "s", f"{_CROSSINGS}; StVO § 8(1)", _CLEAR, _yielding("signs")),
     TrafficRule(
-        "R_IN5", "left turn before oncoming", "s", f"{_CROSSINGS}; StVO § 9(3)", _CLEAR, _giving_way("left turn")
+        "R_IN5", "left turn before oncoming", "s", f"{_CROSSINGS}; StVO § 9(3)", _CLEAR, _yielding("left turn")
     ),
 )
 """The rules in display order."""

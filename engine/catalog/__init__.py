@@ -3,10 +3,10 @@
 ``download``: returns the path of the file at an address, checked by its SHA-256.
 ``unpack``: a context with a temporary folder of the XML files in an archive.
 ``scenario_facets``: returns the number of scenarios, and counts of places, tags, features, signs and obstacles.
-``ID_TAKEN``: the reason for refusing a scenario whose id is already taken.
+``ID_TAKEN``: the reason for refusing a scenario with an id that is already taken.
 ``ReadFile``: a file with its SHA-256 and, if its content is new, its facts.
 ``ScenarioIntake``: decides on the files of an import and stores them: new, known, or new versions of a scenario.
-``net_beside``: returns the SUMO network next to a scenario file, or None.
+``exported_net``: returns the SUMO network next to a scenario file, or None.
 ``put_scenario``: stores a scenario with known facts, and returns its artifact.
 ``build_index``: the operation that loads the embedding model and builds the text index.
 ``rank``: the operation that returns scenario ids by similarity of their descriptions to a text, with scores.
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from .constraints import is_place, known_places
     from .entry_sets import Postings
     from .facets import scenario_facets
-    from .intake import ID_TAKEN, ReadFile, ScenarioIntake, net_beside, put_scenario
+    from .intake import ID_TAKEN, ReadFile, ScenarioIntake, exported_net, put_scenario
     from .ranking import build_index, rank
     from .search import Ranking, Search, entries_of
     from .starter import ARCHIVE, open_catalogue, starter_files

@@ -38,7 +38,7 @@ _KINDS = {
 _KIND_NAMES = {
     "tag": "a tag",
     "feature": "a feature",
-    CIRCUMSTANCE: "a circumstance",
+    CIRCUMSTANCE: "weather or time of day",
     "obstacle": "an obstacle",
     "sign@ego": "a sign on the ego's lane",
     "sign@map": "a sign on the map",
@@ -72,17 +72,17 @@ def notes_on_names(connection: sqlite3.Connection, constraints: Sequence[Constra
                 other = "features" if kind == "tag" else "tags"
                 if (computed if kind == "tag" else tagged) > 0 and tagged != computed:
                     counts = (tagged, computed) if kind == "tag" else (computed, tagged)
-                    sentences.append(f"'{word}': {counts[0]} as {kind} (searched), {counts[1]} in {other}.")
+                    sentences.append(f"'{word}': {counts[0]} as a {kind} (searched), {counts[1]} in {other}.")
     return sentences
 
 
 def not_computed(connection: sqlite3.Connection, constraints: Sequence[Constraint]) -> list[str]:
     """Return a sentence if manoeuvres are required but were not computed for some scenarios stored earlier."""
-    asked = {
+    requested = {
         word.partition(":")[0] for constraint in constraints for kind, word in constraint.words if kind == "feature"
     }
     unknown = _count_scenarios(connection, "not computed", "manoeuvres")
-    if not unknown or not asked & _MANOEUVRES:
+    if not unknown or not requested & _MANOEUVRES:
         return []
     stored = f"Manoeuvres are unknown for {counted(unknown, 'scenario')} stored by an earlier version"
     return [f"{stored}; import their files into a new workspace to compute them."]
@@ -103,10 +103,10 @@ class TextWords:
     alone: bool
 
 
-def look_up_words(connection: sqlite3.Connection, text: str, asked: Sequence[Constraint]) -> TextWords:
+def look_up_words(connection: sqlite3.Connection, text: str, constraints: Sequence[Constraint]) -> TextWords:
     """Look up a text's words among tags, features, obstacles and signs, and then in places and descriptions."""
     words = [word for word in dict.fromkeys(words_of(text)) if len(word) > 2 and word not in _STOP_WORDS]
-    known = {name for constraint in asked for _, name in constraint.words}
+    known = {name for constraint in constraints for _, name in constraint.words}
     found, nowhere = dict[str, None](), []
     for word in words[:_WORDS_LOOKED_UP]:
         name, places = _places_of(connection, word)
@@ -134,26 +134,26 @@ _VOCABULARIES = (("tag", TAGS), ("feature", FEATURES), ("sign@map", ROAD_NET_KEY
 
 
 def _places_of(connection: sqlite3.Connection, word: str) -> tuple[str, list[str]]:
-    """Return the vocabulary name that a word means ('' if none), and how many scenarios have it, by kind."""
+    """Return the vocabulary name that a word means, or '', and how many scenarios have it, by kind."""
     carried: list[str] = []
-    meant = ""
+    name = ""
     for spelling in (word, word.removesuffix("s")):
         for kind, vocabulary in _VOCABULARIES:
             if spelling in vocabulary:
-                meant = spelling
+                name = spelling
                 if count := _count_scenarios(connection, kind, spelling):
                     carried.append(f"{kind.replace('sign@map', 'sign')} {count}")
         if count := _count_scenarios(connection, CIRCUMSTANCE, spelling):
-            meant = spelling
+            name = spelling
             carried.append(f"{CIRCUMSTANCE} {count}")
-        if meant:
+        if name:
             break
     obstacle = obstacle_type_of(word)
     if obstacle is not None:
-        meant = meant or obstacle
+        name = name or obstacle
         if count := _count_scenarios_with_obstacle(connection, obstacle):
             carried.append(f"obstacle {count}")
-    return meant, carried
+    return name, carried
 
 
 def _occurs(connection: sqlite3.Connection, word: str) -> bool:
@@ -170,11 +170,11 @@ _LETTERS = 5
 
 
 def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: EmptiedBy) -> str:
-    """Return the conditions that left nothing, and what the candidates of their stage have instead."""
+    """Return a note on the conditions that left no candidate, and on the values that the candidates have instead."""
     entering = funnel.entering()
     names = ", ".join(constraint.label for constraint in reason.constraints)
     if reason.together:
-        return f"some of the {len(entering)} candidates satisfy each of {names}, but no candidate satisfies all"
+        return f"each of {names} is satisfied by some of the {len(entering)} candidates, but no candidate satisfies all"
     alternatives = [_alternatives(connection, constraint, funnel, entering) for constraint in reason.constraints]
     existing = "; ".join(values for values in alternatives if values)
     return f"0 of the {len(entering)} candidates satisfy {names}" + (f"; available: {existing}" if existing else "")
@@ -195,8 +195,8 @@ def _alternatives(connection: sqlite3.Connection, constraint: Constraint, funnel
         return _limits(connection, constraint, entering)
     what, column_name = _column(constraint)
     column = funnel.postings.column(connection, funnel.entries, column_name)
-    held = (column[place] for place in entering.places())
-    return _nearest(what, constraint, {round(value, 1) for value in held if value < NEVER_S})
+    present = (column[place] for place in entering.places())
+    return _nearest(what, constraint, {round(value, 1) for value in present if value < NEVER_S})
 
 
 def _column(constraint: Constraint) -> tuple[str, str]:
@@ -215,9 +215,9 @@ def _counts(connection: sqlite3.Connection, constraint: Constraint, funnel: Funn
     name, values, without = constraint.words[0][1], set[int](), entering
     for count in column_of(connection, "SELECT DISTINCT count FROM catalog_counts WHERE obstacle = ?", (name,)):
         query = "SELECT number FROM catalog_counts WHERE obstacle = ? AND count = ?"
-        held = funnel.holding(query, (name, count)) & entering
-        without -= held
-        values |= {count} if held else set()
+        matching = funnel.holding(query, (name, count)) & entering
+        without -= matching
+        values |= {count} if matching else set()
     return _nearest(f"{name} counts", constraint, values | ({0} if without else set()))
 
 

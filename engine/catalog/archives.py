@@ -76,10 +76,10 @@ def download(url: str, sha256: str, folder: Path, on_progress: OnProgress) -> Pa
 
 @contextmanager
 def unpack(file: Path) -> Iterator[Path]:
-    """Yield a temporary folder that contains the archive's XML files without their folders, or the single file.
+    """Yield a temporary folder with a copy of the XML file, or with an archive's XML files without their subfolders.
 
     Raises:
-        UnsafeInput: the file is not a zip archive, or it unpacks to more than the limits allow.
+        UnsafeInput: the file is neither XML nor a zip archive, or it unpacks to more than the limits allow.
     """
     with tempfile.TemporaryDirectory(dir=file.parent) as name:
         folder = Path(name)

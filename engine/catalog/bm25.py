@@ -1,7 +1,7 @@
 """BM25: rank texts by the words that they share with a query.
 
 Robertson and Zaragoza, The Probabilistic Relevance Framework (2009), with k1 = 1.5 and b = 0.75. SQLite's FTS5 also has
-a bm25(), but with a fixed k1 = 1.2 and another fixed weight of words: for 49 of the 100 requests in the selection
+a bm25(), but with a fixed k1 = 1.2 and another fixed weight of words. For 49 of the 100 requests in the selection
 corpus it returns the same first five scenarios in the same order, and for 11 the same order of all scenarios.
 """
 

@@ -14,10 +14,10 @@ from functools import partial
 
 from ...schemas.catalog import FindScenariosArguments, Stage
 from ...schemas.errors import Faults, InvalidRequest, UnknownName, calling, closest, instead, misspelt, with_values
-from ...schemas.grammar import Condition, Interval, parse_condition, parse_interval, scope_first
+from ...schemas.grammar import Condition, Interval, as_exclusion, parse_condition, parse_interval, scope_first
 from ...schemas.text import one_line, quoted
 from ...schemas.vocabulary import CIRCUMSTANCES, FEATURES, MANOEUVRES, MEASURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS
-from ..maps import countries_spelt_like, country_code, names_elsewhere, place_keys
+from ..maps import countries_spelt_like, country_code, names_elsewhere, place_keys, settlements_called
 from ..vehicles import vehicle_class_of
 from .bm25 import words_of
 from .entry_sets import column_of
@@ -124,7 +124,7 @@ def constraints_of(
 
 
 def _any_of(argument: str, with_circumstances: bool, text: str) -> Constraint:
-    """Return a condition that holds if any of the alternatives between ``|`` holds; with a leading ``!``, if none does.
+    """Return a condition that holds if any alternative between ``|`` holds; with a leading ``!``, if all fail.
 
     Raises:
         UnknownName: a word is in no vocabulary.
@@ -284,8 +284,9 @@ def _limit(text: str) -> Constraint:
     return Constraint("road_net", "speed_limit", one_line(text), query, values, negated, everywhere=everywhere)
 
 
-def _obstacles(text: str) -> Constraint:
-    condition = parse_condition(text, whole=True)
+def obstacle_constraint(text: str) -> Constraint:
+    """Return the condition on the number of obstacles of one type, or of all types together."""
+    condition = parse_condition(as_exclusion(text), whole=True)
     if _key(condition.name) in _TOTALS:
         return _total(text, condition)
     name = _obstacle_name(condition.name)
@@ -306,7 +307,7 @@ _MAKERS: dict[str, Callable[[str], Constraint]] = {
     "tags": _tag,
     "features": _feature,
     "road_net": _road_net,
-    "obstacles": _obstacles,
+    "obstacles": obstacle_constraint,
     "tags|features": _tag_or_feature,
     CIRCUMSTANCE_WORDS: _circumstance,
 }
@@ -322,7 +323,7 @@ _OTHERS = {
 
 
 def _total(text: str, condition: Condition) -> Constraint:
-    """Return the condition on the number of obstacles of all types together, without the ego."""
+    """Return the condition on the number of obstacles of all types together, excluding the ego."""
     _scope(condition, ("map",))
     query = "SELECT number FROM catalog_scenarios WHERE size BETWEEN ? AND ?"
     bounds = _bounds(condition.interval, 0.0)
@@ -375,7 +376,7 @@ def _bounds(interval: Interval, tolerance: float, factor: float = 1.0) -> tuple[
     return low, _FAR if interval.high is None else interval.high * factor + slack
 
 
-def holds_circumstances(connection: sqlite3.Connection) -> bool:
+def has_circumstances(connection: sqlite3.Connection) -> bool:
     """Return whether any entry of the catalogue states its weather or time of day."""
     query = "SELECT 1 FROM catalog_words WHERE kind = ? LIMIT 1"
     return connection.execute(query, (CIRCUMSTANCE,)).fetchone() is not None
@@ -416,7 +417,8 @@ def location_constraints(connection: sqlite3.Connection, country: str | None, ci
     """Return conditions for the country and the city; they need not be in the catalogue.
 
     Raises:
-        UnknownName: the country is neither an ISO alpha-3 code nor a known name.
+        UnknownName: the country is neither an ISO alpha-3 code nor a known name, or the city probably
+            misspells a place of the catalogue.
     """
     constraints = []
     if country is not None:
@@ -450,9 +452,21 @@ def _country_code(connection: sqlite3.Connection, country: str) -> str:
 
 
 def _keys_of_place(connection: sqlite3.Connection, city: str) -> tuple[str, ...]:
-    """Return a city's keys as spelled or, if they are not in the catalogue, those of its names in other languages."""
+    """Return the keys of a city as spelled or, if the catalogue has no entry under them, of its names elsewhere."""
     own = tuple(sorted(place_keys(city)))
-    return own if has_place(connection, own) else tuple(sorted(names_elsewhere(city)))
+    if has_place(connection, own):
+        return own
+    elsewhere = tuple(sorted(names_elsewhere(city)))
+    if not has_place(connection, elsewhere) and not settlements_called(city):
+        near = closest(city, sorted({place for place, _ in known_places(connection).places}))
+        if meant := misspelt(city, near, "city"):
+            raise UnknownName(
+                f"no scenario is in '{one_line(city)}', and no settlement of 5,000 inhabitants or more has this name",
+                valid=near,
+                next_step="choose one of these places, or leave the city out",
+                remedies=meant,
+            )
+    return elsewhere
 
 
 def has_place(connection: sqlite3.Connection, keys: Sequence[str]) -> bool:
@@ -471,8 +485,8 @@ def obstacle_type_of(word: str) -> str | None:
 
 
 def _obstacle_name(word: str) -> str:
-    meant = vehicle_class_of(word)
-    everyday = {_key(word): _TYPE_OF_CLASS.get(meant, meant)} if meant else {}
+    found = vehicle_class_of(word)
+    everyday = {_key(word): _TYPE_OF_CLASS.get(found, found)} if found else {}
     return _name(word, OBSTACLE_TYPES, everyday, "obstacle type")
 
 
@@ -485,7 +499,7 @@ def _circumstance_name(word: str) -> str:
 
 
 def _feature_name(word: str) -> str:
-    """Return the name of a feature; a manoeuvre's may include a road user's type: ``cut_in:truck``."""
+    """Return the name of a feature; a manoeuvre's name may include a road user's type: ``cut_in:truck``."""
     name, mark, kind = word.partition(":")
     found = _name(name, [*FEATURES, *MEASURES], _FEATURE_WORDS, "feature")
     if not mark:

@@ -58,7 +58,7 @@ class Entries:
         return None if place == _NOT_THERE else place
 
     def of(self, numbers: Iterable[int]) -> "EntrySet":
-        """Return the set of some entries, without numbers that were not in the catalogue."""
+        """Return the set of the entries with these numbers; numbers that were not in the catalogue are left out."""
         sizes, begins, places, groups = self._sizes, self._begins, self._places, len(self._sizes)
         marks = bytearray((len(self.numbers) >> 3) + 1)
         for number in numbers:  # does what ``place`` does, without a million calls
@@ -147,7 +147,7 @@ class Postings:
     def holding(
         self, connection: sqlite3.Connection, entries: Entries, query: str, values: Sequence[str | float]
     ) -> EntrySet:
-        """Return the entries whose number the query selects."""
+        """Return the entries with the numbers that the query selects."""
         key = (query, *values)
         with self._lock:
             kept = self._sets.get(key)

@@ -47,7 +47,9 @@ def _places(pairs: list[tuple[str, str]], whole: bool) -> list[FacetCounts]:
     countries = _counted([country for country, _ in pairs if country != ARTIFICIAL])
     artificial = sum(country == ARTIFICIAL for country, _ in pairs)
     no_country = (
-        f"plus {counted(artificial, 'scenario')} on artificial networks, country {ARTIFICIAL}" if artificial else ""
+        f"not counted: {counted(artificial, 'scenario')} on artificial networks, country {ARTIFICIAL}"
+        if artificial
+        else ""
     )
     real = [(country, place) for country, place in pairs if is_place(country, place)]
     places = _counted([f"{country} {place}" if whole else place for country, place in real])
@@ -55,9 +57,9 @@ def _places(pairs: list[tuple[str, str]], whole: bool) -> list[FacetCounts]:
     hidden = len(places) - len(shown)
     invented = len({pair for pair in pairs if not is_place(*pair)})
     notes = [
-        *(["of scenarios; of maps: facet maps"] if whole else []),
+        *(["only those of scenarios; facet maps lists those of maps"] if whole else []),
         *([f"{hidden} more with facet places"] if hidden else []),
-        *([f"without {counted(invented, 'invented name')}"] if invented else []),
+        *([f"{counted(invented, 'invented name')} left out"] if invented else []),
     ]
     note = "; ".join(notes)
     return [
@@ -75,7 +77,9 @@ def _words(
     counts = _counted([row[0] for row in rows if row[1] in numbers])
     none = [word for word in known if word not in counts]
     if whole:
-        return [FacetCounts(facet=facet, counts={**counts, **dict.fromkeys(none, 0)}, note="0: valid, but unused")]
+        return [
+            FacetCounts(facet=facet, counts={**counts, **dict.fromkeys(none, 0)}, note="no number: valid, but unused")
+        ]
     plain = {word: count for word, count in counts.items() if ":" not in word}
     notes = [
         *([f"unused: {', '.join(none)}"] if none else []),
@@ -95,16 +99,16 @@ def _road_net(
 ) -> list[FacetCounts]:
     known = [*SIGNS, "traffic_light"]
     rows = connection.execute("SELECT kind, word, number FROM catalog_words WHERE kind IN ('sign@ego', 'sign@map')")
-    held = [(row[0], row[1]) for row in rows if row[2] in numbers]
-    on_ego = _counted([word for kind, word in held if kind == "sign@ego"])
-    on_map = _counted([f"{word}@map" for kind, word in held if kind == "sign@map"])
+    present = [(row[0], row[1]) for row in rows if row[2] in numbers]
+    on_ego = _counted([word for kind, word in present if kind == "sign@ego"])
+    on_map = _counted([f"{word}@map" for kind, word in present if kind == "sign@map"])
     none = [word for word in known if f"{word}@map" not in on_map]
     extra = dict.fromkeys(none, 0) if whole else {}
     count = _counted([str(value) for value in lanes if value is not None])
     limits = connection.execute("SELECT kmh, number FROM catalog_limits WHERE scope = 'ego'").fetchall()
     posted = _counted([f"{row[0]:g}" for row in limits if row[1] in numbers])
     with_limit = len({row[1] for row in limits if row[1] in numbers})
-    note = "ego's lane, or @map" + ("" if whole or not none else f"; {len(none)} keys unused")
+    note = "ego's lane, or @map" + ("" if whole or not none else f"; {counted(len(none), 'key')} unused")
     shown = {**on_ego, **on_map, **extra} if whole else _first(on_ego, KEYS_SHOWN) | _first(on_map, KEYS_SHOWN)
     limit_note = "; ".join(_about_limits(posted, with_limit, len(posted) if whole else LIMITS_SHOWN))
     posted = posted if whole else _first(posted, LIMITS_SHOWN)
@@ -119,7 +123,7 @@ def _about_limits(posted: dict[str, int], scenarios: int, shown: int) -> Iterato
     """Yield notes on the counts by limit, which may add up to more than the number of scenarios with a limit."""
     yield f"km/h, on the ego's lane in {counted(scenarios, 'scenario')}"
     if sum(posted.values()) > scenarios:
-        yield "each of several limits counts"
+        yield "a scenario with several limits counts for each"
     if len(posted) > shown:
         yield f"{counted(len(posted) - shown, 'more limit')} with facet road_net"
 
@@ -134,7 +138,7 @@ def _obstacles(connection: sqlite3.Connection, numbers: frozenset[int], whole: b
     none = [kind for kind in OBSTACLE_TYPES if kind not in counts]
     if whole:
         counts |= dict.fromkeys(none, 0)
-    note = "scenarios with any" + (f"; {len(none)} types unused" if none and not whole else "")
+    note = "scenarios with any" + (f"; {counted(len(none), 'type')} unused" if none and not whole else "")
     return [FacetCounts(facet="obstacles", counts=counts, note=note)]
 
 

@@ -77,7 +77,7 @@ class Funnel:
         self.within = None if within is None else self.entries.of(within)
         self.everything = self.entries.all if self.within is None else self.within
         self.constraints = tuple(constraints)
-        self._held: dict[Constraint, EntrySet] = {}
+        self._satisfying: dict[Constraint, EntrySet] = {}
         self._weights: dict[Constraint, float] = {}
 
     @cached_property
@@ -108,13 +108,13 @@ class Funnel:
 
     def holds(self, constraint: Constraint) -> EntrySet:
         """Return all entries that satisfy the condition."""
-        if constraint not in self._held:
+        if constraint not in self._satisfying:
             found = self.holding(constraint.query, constraint.values)
-            self._held[constraint] = self.everything - found if constraint.negated else self.everything & found
-        return self._held[constraint]
+            self._satisfying[constraint] = self.everything - found if constraint.negated else self.everything & found
+        return self._satisfying[constraint]
 
     def holding(self, query: str, values: Sequence[str | float]) -> EntrySet:
-        """Return the catalogue's entries whose number the query selects."""
+        """Return the catalogue's entries with the numbers that the query selects."""
         return self.postings.holding(self._connection, self.entries, query, values)
 
     def entering(self) -> EntrySet:
@@ -149,11 +149,11 @@ class Funnel:
 
     def satisfied_by(self, number: int) -> tuple[Constraint, ...]:
         """Return the conditions that this entry satisfies, in the given order."""
-        return tuple(constraint for constraint in self.constraints if self._is_held_by(constraint, number))
+        return tuple(constraint for constraint in self.constraints if self._satisfies(constraint, number))
 
-    def _is_held_by(self, constraint: Constraint, number: int) -> bool:
-        if constraint in self._held:
-            return number in self._held[constraint]
+    def _satisfies(self, constraint: Constraint, number: int) -> bool:
+        if constraint in self._satisfying:
+            return number in self._satisfying[constraint]
         return any(constraint.found_among(self._connection, [number])) != constraint.negated
 
     def nearness(self, number: int) -> float:
@@ -183,14 +183,14 @@ class Funnel:
     def _weight(self, constraint: Constraint) -> float:
         """Return a condition's weight: by stage, by log10 of its rarity, and a bonus if the user's words contain it."""
         if constraint not in self._weights:
-            held = len(self.holds(constraint))
+            count = len(self.holds(constraint))
             mentioned = constraint.stage != "location" and constraint.is_mentioned(self._text)
-            rarity = math.log10(self.size / held) if held else 0.0
+            rarity = math.log10(self.size / count) if count else 0.0
             self._weights[constraint] = WEIGHTS[constraint.stage] + rarity + MENTIONED * mentioned
         return self._weights[constraint]
 
     def _among(self, constraint: Constraint, left: EntrySet) -> EntrySet:
-        if left is self.entries.all or len(left) > FEW or constraint in self._held:
+        if left is self.entries.all or len(left) > FEW or constraint in self._satisfying:
             return left & self.holds(constraint)
         found = self.entries.of(constraint.found_among(self._connection, sorted(left)))
         return left - found if constraint.negated else found

@@ -2,7 +2,7 @@
 
 A file is identified by the SHA-256 of its content, so an interrupted import continues where it stopped. A file with a
 known id and different content is a *version*. It is stored under its own id, which is also written into the stored
-copy, and the catalogue lists it instead of the earlier one. Several servers may import into one workspace at the same
+copy, and the catalogue lists it instead of the earlier file. Several servers may import into one workspace at the same
 time.
 """
 
@@ -14,7 +14,7 @@ from pathlib import Path
 import anyio
 
 from ...schemas.artifacts import ImportedItem
-from ...schemas.errors import NotPossible, PlannerForgeError, as_told
+from ...schemas.errors import NotPossible, PlannerForgeError, error_to_report
 from ...schemas.scenarios import Origin, ScenarioFacts, ScenarioRecord
 from ...schemas.text import one_line, shown_name
 from ..commonroad import derived_benchmark_id, follows_naming
@@ -34,13 +34,13 @@ def put_scenario(
     net: Path | None,
     recipe: Recipe,
     origin: Origin,
-    beside: Mapping[str, Path] | None = None,
+    extra_files: Mapping[str, Path] | None = None,
 ) -> Artifact:
     """Store a scenario with known facts, and enter it in the catalogue.
 
     Args:
         net: the SUMO network that the file came from, if there is one.
-        beside: further files of the artifact by name, such as the report on its generation.
+        extra_files: further files of the artifact by name, such as the report on its generation.
 
     Raises:
         NotPossible: another scenario already has this id, or this recipe created a different file earlier.
@@ -48,15 +48,15 @@ def put_scenario(
     content = content_digest(xml)
     stored = workspace.find("scenario", facts.scenario_id)
     if stored is not None and stored.read(ScenarioRecord).content != content:
-        raise _id_taken(stored, recipe)
-    files = {"scenario.xml": xml} | ({"scenario.net.xml": net} if net is not None else {}) | dict(beside or {})
+        raise _duplicate_error(stored, recipe)
+    files = {"scenario.xml": xml} | ({"scenario.net.xml": net} if net is not None else {}) | dict(extra_files or {})
     record = ScenarioRecord(facts=facts, origin=origin, content=content)
     artifact = workspace.put("scenario", facts.scenario_id, recipe=recipe, record=record, files=files)
     refresh(workspace.database)
     return artifact
 
 
-def _id_taken(stored: Artifact, recipe: Recipe) -> NotPossible:
+def _duplicate_error(stored: Artifact, recipe: Recipe) -> NotPossible:
     """Return the refusal; recipes state program versions, but builds of one version, or machines, may differ."""
     if stored.recipe.digest != recipe.digest:
         return _other_content(stored.artifact_id)
@@ -138,12 +138,12 @@ class ScenarioIntake:
         if not isinstance(file, ReadFile):
             return file
         try:
-            self._refuse_duplicates(file)
+            self._duplicate_errors(file)
             return self._decide(file, folder)
         except Exception as raised:  # noqa: BLE001 - the boundary of a file: the error becomes this file's refusal
-            return as_told(raised, f"import of scenario {file.path.name}")
+            return error_to_report(raised, f"import of scenario {file.path.name}")
 
-    def _refuse_duplicates(self, file: ReadFile) -> None:
+    def _duplicate_errors(self, file: ReadFile) -> None:
         first = self._first_with_content.setdefault(file.content, file.path)
         if first != file.path:
             raise NotPossible(f"duplicate: same content as {shown_name(first.name)}")
@@ -160,14 +160,14 @@ class ScenarioIntake:
         known = self._known(file)
         if known is not None:
             return self._known_item(file, known)
-        facts, net = file.known_facts, net_beside(file.path)
-        beside = {"scenario.net.xml": net} if net is not None else {}
+        facts, net = file.known_facts, exported_net(file.path)
+        net_file = {"scenario.net.xml": net} if net is not None else {}
         if self._workspace.find("scenario", facts.scenario_id) is None:
             record = ScenarioRecord(facts=facts, origin="imported", content=file.content)
-            return _New(file, _artifact(file, record, {"scenario.xml": file.path} | beside))
+            return _New(file, _artifact(file, record, {"scenario.xml": file.path} | net_file))
         renamed = folder / f"{file.content}.xml"
         record = _renamed(file, renamed).model_copy(update={"supersedes": self._versions(facts.scenario_id)[-1]})
-        return _New(file, _artifact(file, record, {"scenario.xml": renamed} | beside), facts.scenario_id)
+        return _New(file, _artifact(file, record, {"scenario.xml": renamed} | net_file), facts.scenario_id)
 
     def _known(self, file: ReadFile) -> Artifact | None:
         """Return the stored scenario with this content, imported or not."""
@@ -189,7 +189,7 @@ class ScenarioIntake:
         return family(self._workspace.database.connection(), scenario_id)
 
     async def _put(self, decided: Sequence[_Decision], folder: Path) -> list[_Decision]:
-        """Store new files; a file that is still new afterwards lost its id to another server."""
+        """Store new files, and return all decisions; a file that is still new then lost its id to another server."""
         new = [decision for decision in decided if isinstance(decision, _New)]
         failures: dict[str, PlannerForgeError] = {}
         if new:
@@ -228,7 +228,7 @@ def _staged(all_new: Sequence[_New], folder: Path) -> tuple[list[NewArtifact], d
 
 
 def _renamed(file: ReadFile, target: Path) -> ScenarioRecord:
-    """Write a copy of a changed file with a new id in its text; the file itself is unchanged.
+    """Write a copy of a changed file under a new id, and return its record; the file itself is unchanged.
 
     Raises:
         NotPossible: the text of the file does not contain the id.
@@ -267,7 +267,7 @@ def _item(file: ReadFile, artifact: Artifact, *, reused: bool = False, note: str
     )
 
 
-def net_beside(path: Path) -> Path | None:
+def exported_net(path: Path) -> Path | None:
     """Return the SUMO network exported with a scenario file, if it is next to the file; it is read with the facts."""
     net = path.with_suffix(".net.xml")
     return net if net.is_file() and not net.is_symlink() else None

@@ -25,7 +25,7 @@ of the selection corpus and for phrases in German, Spanish and Dutch; docs/selec
 LEAST_LIKENESS = {PACKAGED_MODEL: 0.12, ENGLISH_MODEL: 0.17}
 """Below this similarity to every description, a text of unknown words matches nothing. Measured with words of traffic
 and of other topics in five languages: the thresholds classify one half of either kind equally well. Of the other half,
-the first accepts 91 % of the traffic words and refuses 91 % of the others, the second 80 % and 78 %
+the first accepts 91% of the traffic words and refuses 91% of the others, the second 80% and 78%
 (``python -m benchmarks.selection.embeddings``)."""
 
 

@@ -83,17 +83,17 @@ def _nearest(
     """
     from .vector_index import DAMAGED, ensure_generation, query, remove_damaged
 
-    def asked() -> tuple[list[tuple[str, float]], bool]:
+    def query_index() -> tuple[list[tuple[str, float]], bool]:
         folder, built = ensure_generation(root, texts, model.identity, model.embed, report)
         report(0.9, "ranking by text")
         return query(folder, vector, candidates, limit), built
 
     try:
-        return *asked(), False
+        return *query_index(), False
     except ResourceFailure as failure:
         if failure.reason != DAMAGED or not remove_damaged(root):
             raise
-    return *asked(), True
+    return *query_index(), True
 
 
 def _descriptions(database: Path) -> dict[str, str]:

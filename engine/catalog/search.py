@@ -30,7 +30,15 @@ from ...schemas.scenarios import ScenarioFacts
 from ...schemas.text import cited, one_line, shown_name
 from .alternatives import TextWords, emptied_note, look_up_words, names_without_scenario, not_computed, notes_on_names
 from .bm25 import reciprocal_rank_fusion
-from .constraints import EITHER, PARTICIPANTS, Constraint, constraints_of, holds_circumstances, location_constraints
+from .constraints import (
+    CIRCUMSTANCE,
+    EITHER,
+    PARTICIPANTS,
+    Constraint,
+    constraints_of,
+    has_circumstances,
+    location_constraints,
+)
 from .entry_sets import EntrySet, Postings, plain_rows
 from .funnel import Funnel
 from .tables import facts_of
@@ -121,7 +129,7 @@ class Search:
         self._connection, self.arguments = connection, arguments
         numbers = None if within is None else _numbers_of(connection, within).values()
         location = location_constraints(connection, arguments.country, arguments.city)
-        constraints = constraints_of(arguments, location, with_circumstances=holds_circumstances(connection))
+        constraints = constraints_of(arguments, location, with_circumstances=has_circumstances(connection))
         in_text = conditions_in_text("" if arguments.tags or arguments.features else arguments.text or "")
         requested = {constraint.label for constraint in constraints}
         constraints += tuple(one for one in in_text.constraints if one.label not in requested)
@@ -130,7 +138,7 @@ class Search:
 
     @property
     def needs_ranking(self) -> bool:
-        """Return whether the retrieval worker must rank by text."""
+        """Whether the retrieval worker must rank by text."""
         return bool(self.arguments.text or self.arguments.like)
 
     def candidates(self) -> tuple[str, ...]:
@@ -266,7 +274,7 @@ class Search:
         return self._others(self.funnel.matches)
 
     def _others(self, numbers: EntrySet) -> EntrySet:
-        """Return the entries without the entry given in ``like``."""
+        """Return the entries except the one given in ``like``."""
         like = [] if self.arguments.like is None else [self.arguments.like]
         return numbers - numbers.entries.of(_numbers_of(self._connection, like).values()) if like else numbers
 
@@ -362,19 +370,22 @@ def _evidence(constraint: Constraint, facts: ScenarioFacts) -> str:
 def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
     kind = constraint.subject
     if kind == EITHER:
-        held_as = [
+        matching = [
             f"{one} {word}"
             for one, word in constraint.words
             if word in (facts.tags if one == "tag" else facts.features)
         ]
-        return ", ".join(held_as) or f"no {kind} {constraint.words[0][1]}"
+        return ", ".join(matching) or f"no {kind} {constraint.words[0][1]}"
     computed = (*facts.features, *(facts.ego.manoeuvres or () if facts.ego else ()))
     held = {"tag": facts.tags, "feature": computed}.get(kind, facts.circumstances)
-    shown = [word if word in held else f"no {word}" for _, word in constraint.words]
-    if constraint.negated or len(shown) == 1:
-        return f"{kind} {', '.join(shown)}"
-    carried = [word for word in shown if not word.startswith("no ")]
-    return f"{kind} {', '.join(carried or shown)}"
+    words = [word for _, word in constraint.words]
+    kind = "weather or time" if kind == CIRCUMSTANCE else kind
+    carried = [word for word in words if word in held]
+    missing = [word for word in words if word not in held]
+    if carried and not (constraint.negated and missing):
+        return f"{kind} {', '.join(carried)}"
+    parts = [f"{kind} {', '.join(carried)}"] if carried else []
+    return ", ".join([*parts, f"no {kind} {' or '.join(missing)}"])
 
 
 def _measure(constraint: Constraint, facts: ScenarioFacts) -> str:
@@ -416,7 +427,7 @@ def entries_of(connection: sqlite3.Connection, numbers: Iterable[int]) -> list[_
 
 
 def _numbers_of(connection: sqlite3.Connection, scenario_ids: Iterable[str]) -> dict[str, int]:
-    """Return numbers by id, without ids that are not in the catalogue."""
+    """Return the entries' numbers by scenario id; ids that are not in the catalogue are left out."""
     rows = (row for chunk in _chunks(scenario_ids) for row in _selected(connection, "scenario_id", chunk))
     return {row[1]: row[0] for row in rows}
 

@@ -86,7 +86,7 @@ def _load_starter(workspace: Workspace) -> None:
 
 
 def _put_starter(workspace: Workspace, opened: zipfile.ZipFile) -> None:
-    """Store either all scenarios of an archive or none; existing scenarios are unchanged."""
+    """Store all scenarios of an archive in one transaction; existing scenarios are unchanged."""
     facts_by_id = json.loads(opened.read("facts.json"))
     made_by = {entry["id"]: entry for entry in json.loads(opened.read("manifest.json"))}
 

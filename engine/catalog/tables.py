@@ -7,7 +7,7 @@ embedded and searched.
 
 A file that was changed and imported again is a *version*, which refers to the version that it supersedes; all connected
 versions form a family. The catalogue lists the member that was added last, or an earlier member that was imported again
-since. A separate table records such an import, because artifacts are never changed and the listing must survive a
+since. A separate table records this import, because artifacts are never changed and the listing must survive a
 rebuild of the catalogue.
 """
 
@@ -132,7 +132,7 @@ def add_facts(connection: sqlite3.Connection, number: int, facts: ScenarioFacts)
 
 
 def facts_of(connection: sqlite3.Connection, scenario_ids: Iterable[str]) -> dict[str, ScenarioFacts]:
-    """Return the facts of these scenarios, without ids that are not in the catalogue."""
+    """Return the facts of these scenarios by id; ids that are not in the catalogue are left out."""
     query = "SELECT facts FROM catalog_scenarios WHERE scenario_id = ?"
     rows = ((scenario_id, connection.execute(query, (scenario_id,)).fetchone()) for scenario_id in scenario_ids)
     return {scenario_id: ScenarioFacts.model_validate_json(row[0]) for scenario_id, row in rows if row is not None}
@@ -172,7 +172,7 @@ def refresh(database: "Database") -> int:
 
 
 def _enter_missing(connection: sqlite3.Connection) -> int:
-    """Do what ``refresh`` does, within a writing transaction and with tables that exist."""
+    """Do the same as ``refresh``; the caller has opened a writing transaction and prepared the tables."""
     rows = _missing(connection)
     changed = []
     for sequence, artifact_id, record in rows:

@@ -1,8 +1,8 @@
 """Find manoeuvres in a search text, and turn them into conditions on computed features.
 
 A text ranks by similarity of meaning, and every scenario is slightly similar to every text. The manoeuvres in a
-scenario are known exactly, so "truck cuts in" is a condition like any other. A manoeuvre that the text denies is left
-to the ranking. If ``tags`` or ``features`` are given, the whole text is left to the ranking.
+scenario are known exactly, so "truck cuts in" is a condition like any other, and so is "no trucks". A manoeuvre that
+the text denies is left to the ranking. If ``tags`` or ``features`` are given, the whole text is left to the ranking.
 """
 
 import re
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from ...schemas.text import one_line
 from ...schemas.vocabulary import MANOEUVRES
 from .bm25 import words_of
-from .constraints import Constraint, feature_constraint, obstacle_type_of
+from .constraints import Constraint, feature_constraint, obstacle_constraint, obstacle_type_of
 
 _NEAR_WORDS = 4
 """The most words between a manoeuvre and its road user or a denial (chosen)."""
@@ -39,6 +39,10 @@ _PATTERNS: tuple[tuple[str, str, bool], ...] = (
 """Features, their patterns in English, and whether the text must contain a road user: roads also merge and cross."""
 _ROAD_USERS = frozenset({"vehicle", "vehicles", "traffic", "someone", "people", "person", "road-user", "actor"})
 _WORD = re.compile(r"[^\W\d_]+")
+_ENDS = r"([^\W\d_]+)(?=\s*(?:[,.;!]|$|\b(?:and|or|nor|but)\b))"
+_ABSENT = re.compile(rf"\b(?:no|without)\s+(?:any\s+)?{_ENDS}", re.IGNORECASE)
+_NOR = re.compile(rf"\s*,?\s*\b(?:or|nor|and)\s+(?:no\s+|any\s+)*{_ENDS}", re.IGNORECASE)
+"""A denied road user and further ones. Another word after them, as in "no car ahead", denies something else."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,27 @@ def conditions_in_text(text: str) -> TextConditions:
         rest = rest.replace(text[begin:end], " ", 1)
     typed = {name.partition(":")[0] for name in found if ":" in name}
     kept = [one for name, one in found.items() if ":" in name or name not in typed]
+    for kind, words in _absent_types(text):
+        note = f"'{one_line(words)}' in the text is read as obstacles=!{kind}."
+        kept.append(replace(obstacle_constraint(f"!{kind}"), note=note))
+        rest = rest.replace(words, " ", 1)
     return TextConditions(tuple(kept), rest)
+
+
+def _absent_types(text: str) -> Iterator[tuple[str, str]]:
+    """Yield each type of road user that the text excludes, and the words that do so, such as ``no trucks``."""
+    found: dict[str, str] = {}
+    for match in _ABSENT.finditer(text):
+        listed: dict[str, str] = {}
+        further: re.Match[str] | None = match
+        end = match.end()
+        while further is not None and (kind := _type_of(further[1])) is not None:
+            listed.setdefault(kind, further[0])
+            end = further.end()
+            further = _NOR.match(text, end)
+        if not re.match(r"\s*(?:or|nor)\b", text[end:], re.IGNORECASE):  # "no cars or buses ahead" is about the lane
+            found = listed | found
+    yield from found.items()
 
 
 def _mentions(text: str) -> Iterator[tuple[str, int, int]]:

@@ -132,8 +132,8 @@ def ensure_generation(
     keeps the vectors that were embedded before an interruption.
 
     Raises:
-        ResourceFailure: the folder cannot be written, or another process holds the lock for too long; with the reason
-            ``DAMAGED``, the existing index cannot be read.
+        ResourceFailure: the folder cannot be written, or another process holds the lock for too long, or the existing
+            index cannot be read (reason ``DAMAGED``).
     """
     content = json.dumps([model, sorted(texts.items())], ensure_ascii=False, separators=(",", ":"))
     folder = root / hashlib.sha256(content.encode()).hexdigest()[:16]
@@ -237,7 +237,7 @@ def _reading(folder: Path) -> Iterator[None]:
     """Convert errors while Chroma reads a complete generation.
 
     Raises:
-        ResourceFailure: with the reason ``DAMAGED``, it cannot be read.
+        ResourceFailure: the generation cannot be read; the reason is ``DAMAGED``.
     """
     try:
         yield
@@ -287,7 +287,7 @@ def query(folder: Path, vector: Vectors, candidates: Sequence[str] | None, limit
         limit: the maximum number of results.
 
     Raises:
-        ResourceFailure: with the reason ``DAMAGED``, the generation cannot be read.
+        ResourceFailure: the generation cannot be read; the reason is ``DAMAGED``.
     """
     if candidates is not None and not candidates:
         return []
@@ -309,7 +309,7 @@ def query(folder: Path, vector: Vectors, candidates: Sequence[str] | None, limit
 
 
 class _Reader:
-    """Keeps the last read generation open, since opening takes longer than a search."""
+    """The last read generation, kept open because opening takes longer than a search."""
 
     def __init__(self) -> None:
         self._opened: tuple[Path, int] | None = None
@@ -323,9 +323,9 @@ class _Reader:
             self.close()
             self._client = _client(folder)
             self._collection = self._client.get_collection(COLLECTION, embedding_function=None)
-            held, told = self._collection.count(), (folder / COMPLETE).read_text(encoding="ascii")
-            if told and held != int(told):  # a marker of an earlier version is empty
-                raise ValueError(f"{held} vectors instead of {told}")
+            count, recorded = self._collection.count(), (folder / COMPLETE).read_text(encoding="ascii")
+            if recorded and count != int(recorded):  # a marker of an earlier version is empty
+                raise ValueError(f"{count} vectors instead of {recorded}")
             self._opened = wanted
         return self._collection
 

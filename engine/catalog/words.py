@@ -46,7 +46,7 @@ _MANOEUVRES_SHOWN = 2
 
 
 def origins_of(facts: ScenarioFacts) -> tuple[Origin, ...]:
-    """Return where a scenario's roads and traffic come from, judged by its tags, country and stated source, or ""."""
+    """Return the origins of a scenario's roads and traffic, judged by its tags, country and stated source."""
     origins: list[Origin] = []
     if "simulated" in facts.tags or _SIMULATORS.search(facts.source):
         origins.append("simulated")

@@ -5,7 +5,7 @@
 ``derived_benchmark_id``: Return the base's id with a prediction number from the recipe's digest (hexadecimal).
 ``friction_of``: Return the friction coefficient of a document's roads as text, or None.
 ``set_friction``: Set the friction coefficient of a document's roads.
-``prescribed_ids``: Return the ids of a file's road users with a motion that an edit prescribes.
+``prescribed_ids``: Return the ids of a file's road users that move as an edit prescribes.
 ``script_texts``: Return a file's scripts of motions that depend on the ego.
 ``without_scripts``: Remove a document's scripts of motions that depend on the ego.
 ``ScenarioDocument``: The XML tree of a scenario file; edits replace parts of it.

@@ -1,8 +1,9 @@
 """Benchmark ids: names of scenarios in CommonRoad's scheme ``COUNTRY_Map-1_2_T-3``.
 
 The last number distinguishes predictions of the same initial state: an edited scenario gets a prediction number from
-its recipe. commonroad-io's ``ScenarioID.from_benchmark_id`` is not used: it fails on countries outside ISO 3166 and
-drops everything that does not match its pattern (older files have leading zeros and letters other than S, T, P and I).
+its recipe. This module does not use commonroad-io's ``ScenarioID.from_benchmark_id``, which fails on countries outside
+ISO 3166 and drops everything that does not match its pattern. Older files have leading zeros and letters other than S,
+T, P and I.
 """
 
 import re

@@ -1,6 +1,6 @@
 """Checks for elements that commonroad-io requires: if they are missing, it fails or invents values.
 
-If the meaning is clear, missing parts are added and unusable ones removed. Otherwise the error gives the element;
+If the meaning is clear, missing parts are added and unusable parts are removed. Otherwise the error gives the element;
 commonroad-io itself would fail with a Python error, or place an ego without a position at the origin.
 """
 

@@ -1,4 +1,4 @@
-"""A CommonRoad file of which only the parts that an edit touches are parsed, and its check against the schema.
+"""A CommonRoad file that is parsed only where an edit touches it, and its check against the schema.
 
 commonroad-io's writer rounds every state of every obstacle (half of the files change). Here, untouched elements are
 copied. Formats: CommonRoad XML 2018b (``<obstacle>`` with ``<role>``) and 2020a (``<dynamicObstacle>``).
@@ -12,10 +12,10 @@ CommonRoad's format has no field for the ego's vehicle class. A processing instr
 it: ``<?plannerforge ego-class="truck"?>``. XML provides processing instructions for the data of a single program; the
 schema does not cover them, and other readers ignore them. If there is no such instruction, the ego is a car.
 commonroad-io's writer, which writes a file from its objects, drops the instruction. Likewise, ``<?plannerforge
-prescribed="12 34"?>`` at the beginning of a file lists the road users with a motion that an edit prescribes: they keep
-it in reactive traffic. ``<?plannerforge script='{"id":12, …}'?>`` states, as JSON, what a road user does in reactive
-traffic if that depends on the ego. ``<?plannerforge friction="0.3"?>`` at the beginning of a file is the friction
-coefficient of its roads, for which the format has no field.
+prescribed="12 34"?>`` at the beginning of a file lists the road users that move as an edit prescribes: they keep this
+motion in reactive traffic. ``<?plannerforge script='{"id":12, …}'?>`` states, as JSON, what a road user does in
+reactive traffic if that depends on the ego. ``<?plannerforge friction="0.3"?>`` at the beginning of a file is the
+friction coefficient of its roads, for which the format has no field.
 """
 
 import re
@@ -122,7 +122,7 @@ def without_scripts(root: "etree._Element") -> int:
 
 
 def prescribed_ids(path: Path) -> frozenset[int]:
-    """Return the ids of a file's road users with a motion that an edit prescribes."""
+    """Return the ids of a file's road users that move as an edit prescribes."""
     found = _PRESCRIBED.search(path.read_bytes())
     return frozenset() if found is None else frozenset(map(int, found[1].split()))
 
@@ -159,7 +159,7 @@ class SplitDocument:
         return cls(tuple(chunks), b"".join((*rest, content[at:])))
 
     def with_chunks(self, rest: bytes, made_of: Callable[[bytes], bytes] = bytes) -> bytes:
-        """Return a rest, original or reserialised, in which the transformed chunks replace the stand-ins."""
+        """Return a file: its rest, original or reserialised, with the transformed chunks in place of the stand-ins."""
         if not self.chunks:
             return rest
         return _STAND_IN.sub(lambda found: made_of(self.chunks[int(found[1])]), rest)
@@ -288,7 +288,7 @@ class ScenarioDocument:
         self.root.remove(element)
 
     def add_obstacle(self, element: "etree._Element", *, is_static: bool = False) -> None:
-        """Add an obstacle: a static obstacle goes before the dynamic ones, any other after them."""
+        """Add an obstacle: a static obstacle before the dynamic ones, any other after the dynamic obstacles."""
         names = ("staticObstacle",) if is_static and not self.is_2018b else ("dynamicObstacle", "obstacle")
         existing = [child for child in self.root if child.tag in names]
         after = (*(("dynamicObstacle",) if is_static else ()), *_AFTER_OBSTACLES)

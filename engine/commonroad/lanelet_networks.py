@@ -77,4 +77,4 @@ class _Lanelets(LaneletFactory):  # type: ignore[misc]  # commonroad-io has no t
 
     @classmethod
     def _speed_limit_exists(cls, xml_node: Element) -> None:
-        """Return None: lanelets have limits only in format 2018b, and commonroad-io would keep them in the class."""
+        """Return None, so that commonroad-io keeps no limit in the class; lanelets have limits only in format 2018b."""

@@ -1,7 +1,7 @@
 """Reads the states of plain trajectories from the XML as arrays instead of one by one.
 
 commonroad-io creates an object for every state and tries twelve classes for it, which takes most of a file's reading
-time. Nearly all states are plain: a point, and exact values for everything else. ``take_plain_states`` reads plain
+time. Nearly all states are plain: a point, and exact values for everything else. ``remove_plain_states`` reads plain
 states into arrays. Other states stay in the document for commonroad-io, which alone decides whether a state is valid.
 ``put_states`` makes the objects that commonroad-io would have made, for libraries that need them.
 """
@@ -43,28 +43,28 @@ class PlainStates:
 
     @property
     def headings_rad(self) -> Values:
-        """Headings (n,)."""
+        """The headings in rad, shape (n,)."""
         return self.columns["orientation"]
 
     @property
     def speeds_mps(self) -> Values:
-        """Speeds (n,), NaN if there are none."""
+        """The speeds in m/s, shape (n,); NaN if there are none."""
         given = self.columns.get("velocity")
         return np.full(len(self.positions), np.nan) if given is None else given
 
 
-def take_plain_states(document: "etree._Element") -> dict[int, PlainStates]:
+def remove_plain_states(document: "etree._Element") -> dict[int, PlainStates]:
     """Remove the states of plain trajectories from a CommonRoad document; return them by obstacle id.
 
     The first and the last state of each stay, so commonroad-io reads a trajectory of the same duration. A trajectory is
     left complete if the fields of its states differ, if a state has an interval or a region, if a text is not a finite
     number within its limits, or if steps are missing. The check of the document then finds the fault.
     """
-    taken = (take_states(obstacle) for obstacle in document.iterchildren(moving_obstacle(document)))
+    taken = (remove_states(obstacle) for obstacle in document.iterchildren(moving_obstacle(document)))
     return dict(states for states in taken if states is not None)
 
 
-def take_states(obstacle: "etree._Element") -> tuple[int, PlainStates] | None:
+def remove_states(obstacle: "etree._Element") -> tuple[int, PlainStates] | None:
     """Remove and return an obstacle's states with its id, or None if its trajectory is left complete."""
     trajectory, number = obstacle.find("trajectory"), obstacle.get("id", "")
     if trajectory is None or not _is_id(number) or not 2 < len(trajectory) <= LAST_STEP:
@@ -81,7 +81,7 @@ _TEXT_NUMBER = re.compile(rb">([-+.\deE]+)<")
 
 
 def cut_states(obstacle: bytes) -> tuple[int, PlainStates, bytes] | None:
-    """Do what ``take_states`` does for an obstacle as UTF-8 bytes without comments; also return the remaining bytes.
+    """Do what ``remove_states`` does for an obstacle as UTF-8 bytes without comments; also return the remaining bytes.
 
     This works only if the states are identical except for numbers. Programs write states in this way, and a pattern
     made from the first state finds all states in half the time. In all other cases, the result is None and a parser

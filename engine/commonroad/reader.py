@@ -46,7 +46,7 @@ from .document import (
     script_texts,
 )
 from .lanelet_networks import scenario_of
-from .plain_states import PlainStates, cut_states, put_states, take_plain_states, take_states
+from .plain_states import PlainStates, cut_states, put_states, remove_plain_states, remove_states
 from .recordings import FOLDER_VARIABLE, Recording, RecordingStore
 from .tracks import Track, recorded_tracks
 from .value_limits import MOST_OF_A_KIND, BeyondLimits, check_document
@@ -61,7 +61,7 @@ if TYPE_CHECKING:
 class XmlLimits:
     """Limits for an XML file before any library parses it.
 
-    Chosen well above real files and below harmful ones: the largest of about 200 measured CommonRoad scenarios is 1.4
+    Chosen well above real files and below harmful files: the largest of about 200 measured CommonRoad scenarios is 1.4
     MB in size, with 8 levels, 46,000 elements and 370 lanelets.
 
     ``size_bytes``: bytes of the file. ``depth``: levels of elements, which parsers follow by recursion. ``elements``:
@@ -90,9 +90,9 @@ class LoadedScenario:
     """A CommonRoad scenario in memory, with its planning problems and its source file.
 
     ``plain_states``: by obstacle id, the states after the initial one that were read as arrays: points and exact
-    headings. ``ego_classes``: the ego's class by planning problem, without cars. ``friction``: the friction coefficient
-    of the roads, or None if the file has none. ``edited``: what edits in memory prescribe; None for a scenario as in
-    its file, which then states it.
+    headings. ``ego_classes``: the ego's class by planning problem; cars are left out. ``friction``: the friction
+    coefficient of the roads, or None if the file has none. ``edited``: what edits in memory prescribe; None for a
+    scenario as in its file, which then states it.
     """
 
     scenario: "Scenario"
@@ -135,7 +135,7 @@ class LoadedScenario:
 
     @property
     def step_s(self) -> float:
-        """Duration of one time step in seconds."""
+        """The duration of one time step in seconds."""
         return float(self.scenario.dt)
 
     def problem(self, problem_id: int | None = None) -> "PlanningProblem":
@@ -304,7 +304,7 @@ def _road_document(path: Path, limits: XmlLimits | None) -> _RoadDocument:
             f"{shown_name(path.name)} has no lanelets, so there is no road to drive on",
             next_step="export the scenario again with its lanelet network, or choose another file",
         )
-    states = take_plain_states(whole) if states is None else states
+    states = remove_plain_states(whole) if states is None else states
     root = fromstring(etree.tostring(whole))  # noqa: S314 - serialised by this process
     _check(path, root, limits, states)
     complete(root)
@@ -365,7 +365,7 @@ def _split_document(content: bytes, limits: XmlLimits) -> "tuple[etree._Element,
 
 
 def _small_content(path: Path) -> bytes:
-    """Return the bytes of a small file; empty for a large one, or for an unreadable one, which a scan reports."""
+    """Return the bytes of a small file; empty for a large file, or for an unreadable one, which a scan reports."""
     try:
         return path.read_bytes() if path.stat().st_size <= _SMALL_BYTES else b""
     except OSError:
@@ -401,7 +401,7 @@ def _cut_obstacle(chunk: bytes) -> _ReadObstacle | None:
 
 def _parsed_obstacle(chunk: bytes) -> _ReadObstacle:
     obstacle = etree.fromstring(chunk, _parser())
-    taken = take_states(obstacle)
+    taken = remove_states(obstacle)
     return _ReadObstacle(taken, chunk if taken is None else etree.tostring(obstacle))
 
 
@@ -509,8 +509,8 @@ def _against_schema(path: Path) -> str:
 def _silence_commonroad_warnings() -> Iterator[None]:
     """Suppress commonroad-io's warnings on standard error, because they do not name the file.
 
-    They concern faults that the rules for networks (``network/rules``) also report, or countries whose signs
-    commonroad-io does not know.
+    They concern faults that the rules for networks (``network/rules``) also report, or countries for which
+    commonroad-io does not know the signs.
     """
     log = logging.getLogger("commonroad.common.reader.file_reader_xml")
     level = log.level
@@ -648,7 +648,7 @@ _SPLIT = "split the file, or remove parts of it"
 
 
 class _Scan:
-    """Counts depth and elements while expat reads; stops at a limit or a document type."""
+    """A scan that counts depth and elements while expat reads, and stops at a limit or a document type."""
 
     def __init__(self, name: str, limits: XmlLimits) -> None:
         self.name, self.limits, self.root = name, limits, ""

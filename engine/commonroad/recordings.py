@@ -152,14 +152,14 @@ class RecordingStore:
 
         Other workers may do the same at any time; their unfinished files are left alone.
         """
-        files, held = [], 0
+        files, total = [], 0
         for path in self.folder.glob(f"*{_FINISHED}"):
             with suppress(OSError):
                 files.append((path.stat(), path))
         files.sort(key=lambda file: (-file[0].st_mtime, file[1].name))
         for status, path in files:
-            held += status.st_size
-            if held > self._most_bytes:
+            total += status.st_size
+            if total > self._most_bytes:
                 with suppress(OSError):
                     path.unlink()
 
@@ -167,11 +167,11 @@ class RecordingStore:
 @cache
 def _versions() -> str:
     """Return a short name for everything that a recording depends on: the libraries, and the readers' sources."""
-    said = [f"Python {sys.version_info.major}.{sys.version_info.minor}"]
-    said += [f"{name} {version(name)}" for name in _LIBRARIES]
+    versions = [f"Python {sys.version_info.major}.{sys.version_info.minor}"]
+    versions += [f"{name} {version(name)}" for name in _LIBRARIES]
     sources = (files(__package__).joinpath(f"{name}.py").read_bytes() for name in _READERS)
-    said += [hashlib.sha256(source).hexdigest() for source in sources]
-    return hashlib.sha256("; ".join(said).encode()).hexdigest()[:12]
+    versions += [hashlib.sha256(source).hexdigest() for source in sources]
+    return hashlib.sha256("; ".join(versions).encode()).hexdigest()[:12]
 
 
 def _array(kind: str, shape: tuple[int, ...], data: bytearray) -> "NDArray[Any]":

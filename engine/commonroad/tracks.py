@@ -44,7 +44,7 @@ class Track:
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """Length and width in m."""
+        """The length and width in m."""
         return self.length_m, self.width_m
 
     def corners_at(self, index: int, size_m: tuple[float, float] | None = None) -> Points:
@@ -58,7 +58,7 @@ class Track:
         return front
 
     def part(self, begin: int, end: int) -> "Track":
-        """Return the states from a first index (included) to a second one (excluded)."""
+        """Return the states from a first index (included) to a second index (excluded)."""
         return replace(
             self,
             first_step=self.first_step + begin,

@@ -163,7 +163,8 @@ def check_document(root: Any, taken: Collection[int] = ()) -> None:
 
     Args:
         root: the document's root.
-        taken: ids of obstacles whose states were removed; these states are known to be plain and without a gap.
+        taken: ids of obstacles without their states, which were removed because they are known to be plain and without
+            a gap.
 
     Raises:
         BeyondLimits: a value is not a number or beyond its limit.
@@ -357,7 +358,7 @@ def _check_extent(boxes: list[tuple[Any, str, _Places]]) -> None:
 
 
 def _farthest(spans: list[tuple[Any, str, list[float], list[float]]], axis: int) -> tuple[Any, str]:
-    """Return the lanelet whose midpoint is farthest from the median midpoint."""
+    """Return the lanelet with the midpoint farthest from the median midpoint."""
     lanelets = [(low[axis] + high[axis], top, owner) for top, owner, low, high in spans if top.tag == "lanelet"]
     middle = sorted(place for place, _, _ in lanelets)[len(lanelets) // 2]
     _, top, owner = max(lanelets, key=lambda lanelet: abs(lanelet[0] - middle))

@@ -5,7 +5,7 @@
 ``usual_behaviour``: returns the ``Behaviour`` of an ordinary driver of a class.
 ``behaviour_from``: returns a ``Behaviour`` changed by a preset and by single parameters.
 ``own_minimum_gap_m``: returns the gap in m that a class keeps regardless of the preset; None for most classes.
-``parameters_set``: returns the parameters that an edit sets, each with whether its new value is independent of the old.
+``parameters_set``: returns, for each parameter that an edit sets, whether its new value is independent of the old.
 ``values_set``: returns single parameters as given, relative ones with the resulting value.
 ``DrivePlan``: a vehicle that SUMO drives from ``from_step`` on.
 ``recorded_plan``: returns the ``DrivePlan`` of a recorded vehicle along its recorded route.
@@ -45,8 +45,8 @@
 ``ROUTES_FILE``: name of the file with the routes that the vehicles drove.
 ``resimulate``: simulates as long as any vehicle is driven; returns each driven vehicle's ``DrivenTrack`` by id.
 ``DrivenTrack``: SUMO's track of a driven vehicle: its front bumper in m, and its lanes.
-``taken_over_track``: returns a driven track smoothed and joined to its recorded start without a jump.
-``TakenOverTrack``: the new track of a vehicle, starting at the hand-over, with its accelerations.
+``handover_track``: returns a driven track smoothed and joined to its recorded start without a jump.
+``HandoverTrack``: the new track of a vehicle, starting at the hand-over, with its accelerations.
 """
 
 from typing import TYPE_CHECKING
@@ -66,7 +66,7 @@ if TYPE_CHECKING:
         usual_behaviour,
         values_set,
     )
-    from .handover import TakenOverTrack, taken_over_track
+    from .handover import HandoverTrack, handover_track
     from .manoeuvres import LANE_CHANGE_S, Halt, Manoeuvre
     from .plans import (
         PROGRESS_ACROSS,

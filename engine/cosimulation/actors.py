@@ -72,26 +72,26 @@ class Actor:
 
     @cached_property
     def key(self) -> str:
-        """SUMO's id of the vehicle."""
+        """The vehicle's SUMO id."""
         return str(self.track.obstacle_id)
 
     @property
     def route(self) -> str:
-        """SUMO's id of the vehicle's route."""
+        """The SUMO id of the vehicle's route."""
         return f"r{self.key}"
 
     @property
     def type_id(self) -> str:
-        """SUMO's id of the vehicle's type."""
+        """The SUMO id of the vehicle's type."""
         return f"t{self.key}"
 
     def pose_at(self, index: int) -> tuple[float, float, float]:
-        """Return the front bumper and SUMO's angle at a state of the track, as :meth:`Sumo.move_to` takes them."""
+        """Return the front bumper (x, y) in m and the angle in SUMO's degrees, as :meth:`Sumo.move_to` takes them."""
         x, y = self.track.positions[index].tolist()
         return sumo_pose(x, y, float(self.track.headings_rad[index]), self.track.length_m)
 
     def stands_at(self, index: int) -> bool:
-        """Return True if the vehicle stands at a state and the one before it, at the same pose."""
+        """Return True if the vehicle stands at a state and at the state before, at the same pose."""
         return bool(self._stands[index])
 
     @cached_property

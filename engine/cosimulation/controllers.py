@@ -169,7 +169,7 @@ class GapWaitController(_SpeedController):
 
 
 def _nearest_lane(actor: Actor, edge: str, index: int) -> int:
-    """Return the nearest lane of an edge that leads to the target, or the given one if there is none."""
+    """Return the nearest lane of an edge that leads to the target, or the given lane if there is none."""
     lanes = [int(key.rpartition("_")[2]) for key in actor.lanes_to_target if key.rpartition("_")[0] == edge]
     return min(lanes, key=lambda other: (abs(other - index), other), default=index)
 

@@ -1,4 +1,4 @@
-"""Whether a vehicle can slow down enough for the curves of a lanelet route, and how fast it may enter one.
+"""Curves of a lanelet route: whether a vehicle can slow down enough for them, and how fast it may enter one.
 
 A curve is a piece of 20 m of a lanelet with a curved centre line; the curve's position is the start of the piece,
 because a long lanelet may curve only at its far end. Speeds in m/s, arc lengths in m, curvatures in 1/m.
@@ -28,7 +28,7 @@ def first_curve_too_tight(
 ) -> str | None:
     """Return why a vehicle at a position (2,) cannot brake enough for a curve of a route, or None.
 
-    The first such curve counts. ``known``: lanelets whose curves are not checked.
+    The first of these curves counts. ``known``: lanelets that are not checked for curves.
     """
     hardest = hardest_braking_mps2(scene.friction)
     speed_mps, here_m = max(speed_mps, 0.0), project(scene.layout.table.lanes[route[0]].center, position)[0]

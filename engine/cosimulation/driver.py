@@ -70,7 +70,7 @@ class Behaviour:
     values: Mapping[str, float]
 
     def on_road(self, friction: float | None) -> "Behaviour":
-        """Return the driver on a road with some friction, with acceleration and braking limited by the tyres."""
+        """Return the driver on a road with the given friction, which limits acceleration and braking by the tyres."""
         if friction is None:
             return self
         most = friction * GRAVITY_MPS2
@@ -104,10 +104,10 @@ def own_minimum_gap_m(vehicle_class: VehicleClass) -> float | None:
 def behaviour_from(
     base: Behaviour, preset: str | None, params: Sequence[str], own_gap_m: float | None = None
 ) -> Behaviour:
-    """Apply a preset, which replaces all parameters except a class's own gap, and then single parameters.
+    """Return a base changed by a preset (which replaces all but a class's own gap), and then by single parameters.
 
     Raises:
-        UnknownName: no such preset or parameter.
+        UnknownName: there is no such preset or parameter.
         InvalidRequest: a value is outside its range, or a parameter is given twice.
     """
     values, name = dict(base.values), base.preset
@@ -132,7 +132,7 @@ def behaviour_from(
 
 
 def parameters_set(preset: str | None, params: Sequence[str]) -> dict[str, bool]:
-    """Return the parameters that are set, each with whether its new value is independent of the old one."""
+    """Return, for each parameter that is set, whether its new value is independent of the old value."""
     assignments = [parse_assignment(text) for text in params]
     return dict.fromkeys(_NAMES if preset else (), True) | {
         assignment.name: preset is not None or assignment.operator == "=" for assignment in assignments
@@ -140,7 +140,7 @@ def parameters_set(preset: str | None, params: Sequence[str]) -> dict[str, bool]
 
 
 def values_set(params: Sequence[str], resulting: Sequence[Behaviour]) -> list[str]:
-    """Return single parameters as given; relative ones have the resulting value, or the range of several values."""
+    """Return parameters as given; a relative parameter has its resulting value, or the range of several values."""
     notes = []
     for text in params:
         assignment = parse_assignment(text)

@@ -2,7 +2,7 @@
 
 SUMO moves the front bumper, on the centre of a lane and with stepwise speeds. The written motion is that of the centre:
 the recorded states before the hand-over are prepended to SUMO's track, the result is smoothed, and the remaining
-difference from the recorded state fades out (:func:`taken_over_track`).
+difference from the recorded state fades out (:func:`handover_track`).
 
 The bumper follows the lane. A long vehicle cannot be driven in this way through turns with a radius of a few metres: a
 bumper 12 m ahead of the rear axle needs at least 13 m. In that case, the centre follows the lane, as in generated
@@ -36,9 +36,9 @@ HISTORY_STEPS = 15
 FEWEST_STATES = 5
 """Least number of states of a motion if the scenario lasts long enough (chosen): speeds need some steps."""
 POSE_DECAY_S = 1.5
-"""Time in which a difference in position falls to 37 % (chosen)."""
+"""Time in which a difference in position falls to 37% (chosen)."""
 SPEED_DECAYS_S = (0.8, 1.6, 3.2)
-"""Times in which a difference in speed falls to 37 % (chosen).
+"""Times in which a difference in speed falls to 37% (chosen).
 
 Tried in this order, each time compensated for the excess, until the first step changes the speed by no more than
 ``LARGEST_SPEED_STEP_MPS``; a slower one moves the vehicle more.
@@ -54,8 +54,8 @@ LEAST_SMOOTHING = (1.5, 0.8)
 
 
 @dataclass(frozen=True)
-class TakenOverTrack(Track):
-    """The new track of a vehicle, whose first state is the recorded one at the hand-over, with accelerations.
+class HandoverTrack(Track):
+    """The new track of a vehicle with accelerations, from the recorded state at the hand-over on.
 
     ``leaves``, ``lanes``, ``blocked_by``: as in ``DrivenTrack``.
     """
@@ -86,9 +86,9 @@ class TakenOverTrack(Track):
         )
 
 
-def taken_over_track(
+def handover_track(
     start: Track, driven: DrivenTrack, step_s: float, last_step: int, over_m: float | None = None
-) -> TakenOverTrack | None:
+) -> HandoverTrack | None:
     """Smooth a driven track and join it to its recorded start without a jump.
 
     A vehicle that leaves the network at once rolls straight ahead for a few steps, because the road continues beyond
@@ -109,7 +109,7 @@ def taken_over_track(
         onward, across = lane_change_track(begin, expected, onward, over_m)
         lanes = ("", *(lane if is_across else "" for lane, is_across in zip(lanes[1:], across, strict=False)))
     motion = _driven_motion(start, index, onward, step_s)
-    return TakenOverTrack(
+    return HandoverTrack(
         obstacle_id=start.obstacle_id,
         kind=start.kind,
         length_m=start.length_m,
@@ -127,7 +127,7 @@ def taken_over_track(
 
 def led_track(
     start: Track, first_step: int, centers: Points, step_s: float, last_step: int, *, leaves: bool = False
-) -> TakenOverTrack | None:
+) -> HandoverTrack | None:
     """Return given positions (n, 2) of the centre as a drivable motion, joined to a recorded start without a jump.
 
     The first point is the position at ``first_step``. The result has the weakest smoothing with which every step can be
@@ -142,7 +142,7 @@ def led_track(
         step_s,
         chassis,
     )
-    return TakenOverTrack(
+    return HandoverTrack(
         obstacle_id=start.obstacle_id,
         kind=start.kind,
         length_m=start.length_m,

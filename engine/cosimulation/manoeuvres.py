@@ -99,7 +99,7 @@ class ManoeuvreExecutor:
             self._sumo.slow_down(key, highest_mps)
 
     def blocking(self, key: str) -> tuple[str, ...]:
-        """Return SUMO's ids of the vehicles that left no room for an unfinished lane change, longest-blocking first."""
+        """Return the SUMO ids of vehicles that left no room for an unfinished lane change, longest-blocking first."""
         steps = sum((waited for (waiting, _), waited in self._waited_for.items() if waiting == key), Counter[str]())
         return tuple(sorted(steps, key=lambda other: (-steps[other], other)))
 

@@ -1,11 +1,11 @@
-"""Plans of what SUMO drives or replays, made before any simulation: immutable values, new for each edit.
+"""Plans for the road users that SUMO drives or replays: immutable values, made before a simulation.
 
-A :class:`DrivePlan` is a vehicle that SUMO drives, starting at a step. A :class:`Replay` is a road user that follows a
-given track.
+A :class:`DrivePlan` is for a vehicle that SUMO drives from a step on. A :class:`Replay` is for a road user that follows
+a given track. Every edit creates new plans.
 
 SUMO's vehicles keep their lanes inside junctions. A vehicle that changes lanes inside a junction when it is handed over
-(:class:`JunctionLaneChange`) is driven on the adjacent lanelet from its first step (:func:`shown_track`), and the
-written motion moves over from its recorded position: sideways only as it rolls, never while standing
+(:class:`JunctionLaneChange`) is driven on the adjacent lanelet from its first step (:func:`shown_track`). In the
+written motion, it moves gradually from its recorded position to that lanelet, and moves sideways only while it rolls
 (:func:`lane_change_track`).
 """
 
@@ -42,12 +42,12 @@ class JunctionLaneChange:
 class DrivePlan:
     """A vehicle that SUMO drives from ``from_step`` on.
 
-    ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: its intended route;
-    ``edges``: SUMO's route for it; ``targets``: lanelets, each of which is a valid target of the edit (empty: no
-    target); ``through``: lanelets of the route that the vehicle must use; ``manoeuvres``: its orders, by step;
-    ``junction_lane_change``: how it changes lanes if it is handed over inside a junction (None: no lane change);
-    ``halts``: where it waits; ``gives_way``: whether it waits for others that it would hit; ``ignores_lights``: whether
-    it neither stops at red lights nor yields.
+    ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: its intended route.
+    ``edges``: SUMO's route for it. ``targets``: the lanelets that the edit accepts as targets; empty if it has no
+    target. ``through``: lanelets of the route that the vehicle must use. ``manoeuvres``: its orders, by step.
+    ``junction_lane_change``: how it changes lanes if it is handed over inside a junction, or None. ``halts``: where it
+    waits. ``gives_way``: whether it waits for others that it would hit. ``ignores_lights``: whether it neither stops at
+    red lights nor yields.
     """
 
     start: Track
@@ -182,7 +182,7 @@ def shown_track(scene: Scene, plan: DrivePlan) -> Track:
 
 
 def lane_change_track(front: Points, expected: Points, onward: Points, within_m: float) -> tuple[Points, list[bool]]:
-    """Return the front track (n, 2) of a vehicle that moves over to SUMO's track, and when it is across, by step.
+    """Return the front track (n, 2) of a vehicle that moves over to SUMO's track, and whether it is across, by step.
 
     Args:
         front: the recorded position of the front at the hand-over, shape (2,), in metres.
@@ -200,7 +200,7 @@ def lane_change_track(front: Points, expected: Points, onward: Points, within_m:
 
 
 def _directions_along(track: Points) -> Points:
-    """Return unit vectors (n, 2) along a track (n, 2); a stop repeats the last one, an initial stop uses the next."""
+    """Return unit vectors (n, 2) along a track (n, 2); a stop repeats the last vector, a first stop uses the next."""
     moved = np.diff(track, axis=0, append=track[-1:])
     length_m = np.linalg.norm(moved, axis=1)
     rolls = length_m > MOVED_M

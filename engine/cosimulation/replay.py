@@ -1,4 +1,4 @@
-"""Hybrid re-simulation in SUMO: recorded vehicles replay exactly, driven ones react to them.
+"""Hybrid re-simulation in SUMO: recorded vehicles replay exactly, and driven vehicles react to them.
 
 Before every step, replayed vehicles are placed at their recorded pose after that step. Their speed is set after the
 step, so that other vehicles see it. A driven vehicle is treated in the same way until its hand-over.
@@ -64,7 +64,7 @@ class SimulationSetup:
 class DrivenTrack:
     """SUMO's track of a driven vehicle: its front bumper (n, 2) in m at every step, starting at ``first_step``.
 
-    The first point is the recorded one. ``lanes``: SUMO's lane id at every step. ``leaves``: whether it left the
+    The first point is recorded. ``lanes``: SUMO's lane id at every step. ``leaves``: whether it left the
     network. ``blocked_by``: ids of vehicles that left no room for an ordered lane change that was not carried out,
     longest-blocking first.
     """
@@ -78,7 +78,7 @@ class DrivenTrack:
 
 @dataclass(frozen=True)
 class ShownState:
-    """A vehicle as SUMO reports it: front bumper (x, y) in m, angle in degrees clockwise from north, and speed."""
+    """A vehicle as SUMO reports it: front bumper (x, y) in m, angle in degrees clockwise from north, speed in m/s."""
 
     front: tuple[float, float]
     angle_deg: float
@@ -174,7 +174,7 @@ class _Place:
 
     @classmethod
     def of(cls, actor: Actor, front: Points, speed_mps: float) -> "_Place":
-        """Return the place of an actor whose front is at a position."""
+        """Return the place of an actor with its front at a position."""
         return cls(front, float(_reach_m(actor, np.array(speed_mps))))
 
 
@@ -212,7 +212,7 @@ class _Surroundings:
         return places, reach_m
 
     def at(self, step: int, driven: Iterable[_Place]) -> set[str]:
-        """Return SUMO's ids of the replayed actors present after a step; ``driven``: the driven ones before it.
+        """Return the SUMO ids of the replayed actors to show after a step; ``driven``: the driven vehicles before it.
 
         Called for consecutive steps.
         """
@@ -245,7 +245,7 @@ def _reach_m(actor: Actor, speeds_mps: Values) -> Values:
 
 
 class _Run:
-    """The state of one simulation: the actors that are present, and the observed states of driven ones."""
+    """The state of one simulation: the actors that are present, and the observed states of driven vehicles."""
 
     def __init__(self, sumo: Sumo, actors: tuple[Actor, ...], surroundings: _Surroundings) -> None:
         self.astray: set[str] = set()
@@ -272,7 +272,7 @@ class _Run:
         """Simulate one step; actors move to where they were recorded or where SUMO drives them."""
         self._place_replayed(step)
         self._sumo.step()
-        self._take_out_those_off_road(step)
+        self._remove_off_road(step)
         shown = self._in_order(self._present.intersection(self._sumo.vehicles()))
         self._driving.clear()
         self._show_speeds(shown, step)
@@ -290,7 +290,7 @@ class _Run:
         return not self._under_way
 
     def tracks(self, last_step: int) -> dict[int, DrivenTrack]:
-        """Return the driven tracks up to the present step."""
+        """Return the driven tracks up to the present step, by vehicle id."""
         tracks = {}
         for key, rows in sorted(self._seen.items()):
             front = np.array([(x, y) for _, x, y, _ in rows])
@@ -300,7 +300,7 @@ class _Run:
         return tracks
 
     def _place_replayed(self, step: int) -> None:
-        """Insert, place and remove vehicles, so that all replayed ones that matter are in place after the step."""
+        """Insert, place and remove vehicles, so that all replayed vehicles that matter are in place after the step."""
         near = self._surroundings.at(step, self._driving)
         for actor in self._in_order(near | self._present | self._driven):
             index = actor.track.index_at(step)
@@ -309,17 +309,17 @@ class _Run:
             if index is not None and (actor.drive_from is not None or actor.key in near):
                 self._place(actor, index)
             elif actor.key in self._present:
-                self._take_out(actor.key)
+                self._remove(actor.key)
 
-    def _take_out(self, key: str) -> None:
+    def _remove(self, key: str) -> None:
         for keys in (self._present, self._held, self._standing, self._on_road):
             keys.discard(key)
         self._sumo.remove(key)
 
-    def _take_out_those_off_road(self, step: int) -> None:
+    def _remove_off_road(self, step: int) -> None:
         """Remove placed vehicles that left the road in the step, because SUMO crashes on its remaining data on them.
 
-        Such a vehicle is placed as a new vehicle before the next step, and returns where its recording meets a lane.
+        A removed vehicle is placed as a new vehicle before the next step, and returns where its recording meets a lane.
         """
         there = self._present.intersection(self._sumo.vehicles())
         for actor in self._in_order(there - self._standing):
@@ -328,7 +328,7 @@ class _Run:
             if self._sumo.lane(actor.key):
                 self._on_road.add(actor.key)
             elif actor.key in self._on_road:
-                self._take_out(actor.key)
+                self._remove(actor.key)
 
     def _in_order(self, keys: Iterable[str]) -> list[Actor]:
         """Return actors in the order of all: SUMO's results depend on the order of placement."""
@@ -350,7 +350,7 @@ class _Run:
         if not actor.stands_at(index) or actor.key not in self._held:
             if actor.key in self._standing:
                 self._standing.discard(actor.key)
-                self._sumo.let_roll(actor.key)
+                self._sumo.cancel_stop(actor.key)
             return False
         if actor.key not in self._standing:
             if not self._sumo.stays_as_placed(actor.key):
@@ -375,7 +375,7 @@ class _Run:
         if step == actor.drive_from:
             if actor.ignores_lights:
                 self._sumo.ignore_lights(key)
-            self._sumo.let_drive(key)
+            self._sumo.release(key)
             if self._sumo.last_edge(key) != actor.edges[-1]:
                 self.astray.add(key)
         lane = self._sumo.lane(key)
@@ -383,7 +383,7 @@ class _Run:
         highest_mps = min((speed for speed in highest if speed is not None), default=None)
         self._used_lanes.add((key, lane))
         self._keep_to_light(actor, lane)
-        self._change_to_wanted_lane(actor, lane)
+        self._change_to_required_lane(actor, lane)
         self._manoeuvres.act(key, actor.manoeuvres, step, highest_mps)
         front = self._sumo.front(key)
         self._seen.setdefault(actor.track.obstacle_id, []).append((step, *front, lane))
@@ -401,7 +401,7 @@ class _Run:
             self._kept_to_lane.remove(actor.key)
             self._sumo.allow_lane_changes(actor.key, LaneChanges.DRIVERS_OWN)
 
-    def _change_to_wanted_lane(self, actor: Actor, lane: str) -> None:
+    def _change_to_required_lane(self, actor: Actor, lane: str) -> None:
         """Send a vehicle to the lane of its edge that it must still use, or to its target's lane."""
         through = [hint for hint in actor.through if (actor.key, "{}_{}".format(*hint)) not in self._used_lanes]
         here = [hint for hint in (*through, actor.target) if hint and hint[0] == lane.rpartition("_")[0]]

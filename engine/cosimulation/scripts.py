@@ -1,8 +1,8 @@
 """Scripted motion: a road user moves as prescribed, regardless of other road users.
 
-A script changes an existing track: its speed, with a prescribed acceleration from some step, and its lateral position,
-in a prescribed time. Acts apply in sequence: each act changes the result of the previous ones. To be drivable, the
-result is smoothed and joined to the earlier track, as motions that SUMO drove are.
+A script changes an existing track: its speed, with a prescribed acceleration from a given step, and its lateral
+position, in a prescribed time. Acts apply in sequence: each act changes the result of the previous ones. To be
+drivable, the result is smoothed and joined to the earlier track, as motions that SUMO drove are.
 
 The lateral speed is constant for most of the prescribed time, as in the cut-ins of UN Regulation 157, with a sixth of
 the time each to reach it and to return to zero.

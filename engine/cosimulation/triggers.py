@@ -93,7 +93,7 @@ def _is_within(ego: Track, index: int, place: Points, seconds: float) -> bool:
 class ScriptPart:
     """Acts, with the step at which they start for an ordinary ego, and their trigger (None: they start at a time).
 
-    A part without acts starts the motion of a road user that until then stands at its first position.
+    A part without acts starts the motion of a road user that has been standing at its first position.
     """
 
     step: int

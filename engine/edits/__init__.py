@@ -1,7 +1,7 @@
 """Edits of a scenario, which are resolved, simulated in SUMO among the recorded traffic, checked and written.
 
 ``SCENARIO_FILE``: the name of an edited scenario's file.
-``apply_edits``: applies either all edits of a request or none, in one re-simulation; returns files and reports.
+``apply_edits``: applies all edits of a request in one re-simulation, or refuses the request; returns files and reports.
 ``Changes``: everything that a list of edits requests, before anything is simulated; immutable.
 ``EditableScenario``: a base scenario that is edited in memory again and again, with the values of its files.
 ``EditedScenario``: a scenario after edits, in memory.

@@ -1,8 +1,8 @@
 """The operation behind ``modify_scenario``: edits in, a new scenario file out.
 
 An edit is a function ``(edit, scene, changes) -> EditStep``: it receives the scene and the changes made by the previous
-edits. It neither simulates nor writes. To add an edit, write such a function in one of the modules of ``OPERATIONS``,
-and add a row with its arguments to the table in the tool's schema (``EDITS``).
+edits. It neither simulates nor writes. To add an edit, write a function like this in one of the modules of
+``OPERATIONS``, and add a row with its arguments to the table in the tool's schema (``EDITS``).
 """
 
 import itertools
@@ -61,7 +61,7 @@ file are in ``world.TRANSFORMS``.
 
 
 def apply_edits(request: ModificationRequest, report: ProgressReporter) -> ModificationOutcome:
-    """Apply either all edits or none, in one re-simulation from the base scenario.
+    """Apply all edits in one re-simulation from the base scenario, or refuse the request.
 
     An edit that changes the scene itself (its lights, its extent) splits the list: the edits before it are applied
     first, and the edits after it start from its result.
@@ -81,9 +81,9 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
 class _Stage:
     """What earlier edits pass on to the edits of a stage.
 
-    ``added``: the ids that each earlier edit added; ``yielding_to``: the lanelets whose lights were changed (SUMO
-    drives recorded vehicles that would now cross them at red, so that they obey); ``first``: the index of the first new
-    edit in the call.
+    ``added``: the ids that each earlier edit added. ``yielding_to``: the lanelets with changed lights (SUMO drives
+    recorded vehicles that would now cross them at red, so that they obey). ``first``: the index of the first new edit
+    in the call.
     """
 
     added: tuple[tuple[int, ...], ...] = ()
@@ -264,10 +264,10 @@ def resolved_edits(
                 _other_faults(edit, scene, changes).raise_all()
             changes = replace(changes, added_by_edit=(*changes.added_by_edit, ()))
             continue
-        meant = describe_matches(edit.vehicles, step.vehicles, scene, changes)
+        matches = describe_matches(edit.vehicles, step.vehicles, scene, changes)
         changes = replace(step.changes, added_by_edit=(*changes.added_by_edit, step.added))
         scene = _scene_after(base, changes)
-        steps.append(replace(step, changes=changes, meant=meant))
+        steps.append(replace(step, changes=changes, meant=matches))
     faults.raise_all()
     ego.check_goal(scene, changes)
     return ResolvedEdits(edits, tuple(steps), changes, scene)

@@ -16,7 +16,7 @@ from ...schemas.grammar import parse_quantity
 from ...schemas.modification import Achieved
 from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, recorded_plan, usual_behaviour
-from ..geometry import Points
+from ..geometry import Points, project
 from ..scene import Ego, LaneMatch, Scene
 from ..vehicles import vehicle_classes
 
@@ -44,7 +44,7 @@ class Changes:
     """Everything that a list of edits requests, up to one of the edits.
 
     ``added_by_edit``: the ids that each edit added, by the edit's index. ``next_id``: the id that the next added
-    vehicle gets. ``replays``: tracks that replace the recorded ones, and added road users that SUMO does not drive.
+    vehicle gets. ``replays``: tracks that replace the recorded tracks, and added road users that SUMO does not drive.
     ``ego``: a new start of the ego. ``ego_drive``: returns the ego's motion under an ordinary driver in the base
     scenario, None if there is no ego; edits that depend on the ego's position call it.
     """
@@ -83,7 +83,7 @@ class Changes:
 
     @property
     def scripted(self) -> frozenset[int]:
-        """The road users that move as prescribed or are parked: they do not react to others."""
+        """The road users that move as prescribed or are parked: they do not react to other road users."""
         return frozenset(key for key, replay in self.replays.items() if replay.is_scripted or replay.is_parked)
 
     def is_added(self, vehicle_id: int) -> bool:
@@ -99,8 +99,8 @@ class EditStep:
     ``added``: the vehicles that it added. ``aims``: by vehicle, sets of lanelets; the vehicle should reach at least one
     lanelet of each set. ``since``: the step from which aims count. ``speeds``: the speed in m/s that a vehicle should
     reach, and the step from which it counts. ``measure``: returns the results for the requested values, from the
-    ``EditedScene`` after the simulation. ``parameters``: the driver parameters that it sets, each with whether the new
-    value is independent of the old one. ``meant``: the vehicles that its selectors match, as text; "" for plain ids.
+    ``EditedScene`` after the simulation. ``parameters``: for each driver parameter that it sets, whether the new value
+    is independent of the old value. ``meant``: the vehicles that its selectors match, as text; "" for plain ids.
     """
 
     changes: Changes
@@ -132,6 +132,34 @@ def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:
         plan = changes.driven[vehicle_id]
         return plan if plan.cause == "added" else replace(plan, from_step=first, cause="edited")
     return recorded_plan(scene, vehicle_id, "edited", first)
+
+
+_MOST_CONTINUATIONS = 20
+"""How often a route is continued straight ahead beyond its end (chosen)."""
+
+
+def distances_ahead_m(scene: Scene, plan: DrivePlan) -> dict[int, float]:
+    """Return the distance from a driven vehicle's front to the start of each lanelet of its route.
+
+    Distances are in m, along the route and straight on beyond its end, at the step at which the plan begins. The first
+    lanelet is the one under the front; the distance to its start is 0 or negative.
+    """
+    lanes, successors = scene.layout.table.lanes, scene.layout.table.successors
+    chain = list(plan.lanelets)
+    for _ in range(_MOST_CONTINUATIONS):
+        following = scene.edge_graph.straight_on(chain[-1])
+        if not following or not set(chain).isdisjoint(following):
+            break
+        chain += following
+    front = plan.start.front_at(plan.from_step - plan.start.first_step)
+    while len(chain) > 1 and project(lanes[chain[0]].center, front)[0] >= lanes[chain[0]].length_m:
+        del chain[0]
+    start_m, distances = -project(lanes[chain[0]].center, front)[0], dict[int, float]()
+    for place, key in enumerate(chain):
+        if place and key in successors[chain[place - 1]]:
+            start_m += lanes[chain[place - 1]].length_m
+        distances.setdefault(key, start_m)
+    return distances
 
 
 def scene_for_references(scene: Scene, changes: Changes) -> Scene:
@@ -197,7 +225,7 @@ def check_speed(speed_mps: float, largest_mps: float, refusal: str, next_step: s
     """Refuse a speed below 0 or above the maximum.
 
     Raises:
-        InvalidRequest: the refusal, with the valid speeds.
+        InvalidRequest: the speed is invalid; the error has the text ``refusal`` and the valid speeds.
     """
     if not 0.0 <= speed_mps <= largest_mps:
         nearest_mps = math.floor(10 * largest_mps) / 10 if speed_mps > 0.0 else 0.0
@@ -225,9 +253,9 @@ _TIMES_TRIED = (0.0, 0.2, 0.5)
 """Positions within the possible time span, from its nearer end, that a refusal proposes (chosen)."""
 
 
-def within_time(asked: int, first: int, last: int, scene: Scene) -> list[Remedy]:
+def within_time(requested: int, first: int, last: int, scene: Scene) -> list[Remedy]:
     """Return times between two steps for a refusal to propose, the nearest to the requested step first."""
-    nearer, farther = (first, last) if asked < first else (last, first)
+    nearer, farther = (first, last) if requested < first else (last, first)
     steps = [round(nearer + share * (farther - nearer)) for share in _TIMES_TRIED]
     return [with_values(time_s=round(step * scene.step_s, 3)) for step in steps if last >= first]
 

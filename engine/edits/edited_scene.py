@@ -16,7 +16,7 @@ import numpy as np
 
 from ...schemas.modification import Edit, EditCollision
 from ..commonroad import Track
-from ..cosimulation import DrivePlan, TakenOverTrack
+from ..cosimulation import DrivePlan, HandoverTrack
 from ..geometry import rectangles_overlap
 from ..scene import Scene
 from .changes import Changes, EditStep, car_at_start
@@ -46,7 +46,7 @@ class SimulationResult:
     """
 
     plans: Mapping[int, DrivePlan]
-    tracks: Mapping[int, TakenOverTrack]
+    tracks: Mapping[int, HandoverTrack]
     overlaps: tuple[Overlap, ...]
     missing: tuple[int, ...]
 
@@ -67,7 +67,7 @@ class EditedScene:
 
     @cached_property
     def after(self) -> Scene:
-        """The scene with simulated tracks in place of recorded ones, and without removed road users."""
+        """The scene with simulated tracks in place of recorded tracks, and without removed road users."""
         scene, removed = self.scene, self.changes.removed
         driven = {key: track.whole(self.result.plans[key].start) for key, track in self.result.tracks.items()}
         return replace(
@@ -79,7 +79,7 @@ class EditedScene:
 
     @cached_property
     def tracks(self) -> tuple[Track, ...]:
-        """All road users after the edits: recorded, standing and driven ones by ascending id, then regions."""
+        """All road users after the edits: those with a track by ascending id, then those given by occupancies."""
         tracks = (track for _, track in sorted((self.after.tracks | self.after.standing).items()))
         return (*tracks, *(region.track for region in self.after.regions))
 
@@ -97,12 +97,12 @@ class EditedScene:
     def requested(self) -> dict[int, Track]:
         """The tracks by id, and the ego at its start, without hand-overs: only what the edits request is new."""
         tracks = {key: track for key, track in self.result.tracks.items() if key not in self.handed_over}
-        asked = EditedScene(self.scene, self.changes, replace(self.result, tracks=tracks)).road_users
-        return asked if self.scene.ego is None else asked | {EGO: car_at_start(self.scene.ego, EGO)}
+        road_users = EditedScene(self.scene, self.changes, replace(self.result, tracks=tracks)).road_users
+        return road_users if self.scene.ego is None else road_users | {EGO: car_at_start(self.scene.ego, EGO)}
 
     @cached_property
     def handed_over(self) -> frozenset[int]:
-        """The vehicles that are driven only because they would hit others, not because of an edit."""
+        """The vehicles that are driven only because they would hit other road users, not because of an edit."""
         return frozenset(key for key in self.result.tracks if self.result.plans[key].cause == "handed_over")
 
     @cached_property
@@ -112,7 +112,7 @@ class EditedScene:
         return {key: replay.track for key, replay in replays if replay.recording is not None and replay.shifted_steps}
 
     @cached_property
-    def told_speeds(self) -> frozenset[int]:
+    def ordered_speeds(self) -> frozenset[int]:
         """The driven vehicles for which an edit orders a speed."""
         plans = self.result.plans.items()
         return frozenset(key for key, plan in plans if any(order.speed_mps is not None for order in plan.manoeuvres))

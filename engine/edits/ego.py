@@ -23,7 +23,7 @@ from ..scene import Ego, Scene, goal_center_lanelets
 from ..vehicles import (
     BMW_320I,
     VehicleParameters,
-    can_be_there,
+    can_be_between,
     ego_class,
     ego_class_of,
     latest_passing_s,
@@ -81,11 +81,11 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _routes_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """Return the ego's routes to the goal: to the given lanelet, or to those of the matching branch, in order."""
+    """Return the ego's routes to the goal, in order: to the given lanelet, or to those of the matching branch."""
     if bool(edit.to) == bool(edit.turn):
         near = reachable_lanelets(scene, starts)
         raise InvalidRequest(
-            "set_goal takes either a lanelet in 'to' or a 'turn' at the next fork",
+            "set_goal needs either a lanelet in 'to' or a 'turn' at the next fork, not both",
             valid=near,
             next_step="give one that the ego reaches, or turn=left, right or straight",
             remedies=[with_values(turn=None, to=[str(key)]) for key in near[:_AHEAD_TRIED]],
@@ -107,7 +107,7 @@ def _first_feasible(
     """Return the first route with an end that the ego can meet, and the goal there.
 
     Raises:
-        NotPossible: the refusal of the first route.
+        NotPossible: no route has an end that the ego can meet; the error is that of the first route.
     """
     refused: NotPossible | None = None
     for route in routes:
@@ -266,7 +266,7 @@ def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     return EditStep(changes, (who,), f"{what}; the former ego is {ego.vehicle_class} {who}", added=(who,))
 
 
-def _class_asked(edit: Edit, otherwise: str) -> str:
+def _requested_class(edit: Edit, otherwise: str) -> str:
     """Return the name of the class that an edit gives for the ego.
 
     Raises:
@@ -278,10 +278,10 @@ def _class_asked(edit: Edit, otherwise: str) -> str:
 
 
 def _check_class(ego: Ego, scene: Scene, changes: Changes, edit: Edit) -> None:
-    """Refuse a start whose lanelet is closed to the ego's class, or whose speed or room does not suit the class."""
+    """Refuse a start if its lanelet is closed to the ego's class, or its speed or room does not suit the class."""
     name = ego.vehicle_class
     top_mps, lanelets = ego.vehicle.maximum_speed_mps, ego.lanelets[:1]
-    check_speed(ego.speed_mps, top_mps, f"a {name} cannot drive {ego.speed_mps:.1f} m/s", "choose another speed")
+    check_speed(ego.speed_mps, top_mps, f"a {name} cannot drive at {ego.speed_mps:.1f} m/s", "choose another speed")
     if name != "car" and lanelets:
         check_allowed(name, lanelets[0], scene)
     if edit.vehicle_class is None and not edit.vehicles:
@@ -321,7 +321,7 @@ def _instead_of(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[C
         float(track.headings_rad[index]),
         max(float(track.speeds_mps[index]), 0.0),
         (scene.matches[chosen[0]].at(index),),
-        _class_asked(edit, classes[chosen[0]]),
+        _requested_class(edit, classes[chosen[0]]),
         scene.friction,
     )
     changes = replace(changes.without(chosen[0]), ego=new)
@@ -341,8 +341,8 @@ def _goal_at_end_of(track: Track, scene: Scene, ego: Ego) -> GoalChange | None:
     if not goal_center_lanelets(scene.network, scene.loaded.problem(ego.problem_id)):
         return None
     first, last = _kept_steps(scene, ego) or (track.last_step, track.last_step)
-    asked, there = _kept_speeds(scene, ego), max(float(track.speeds_mps[-1]), 0.0)
-    keeps_speeds = asked is None or asked[0] <= there <= asked[1]
+    requested, there = _kept_speeds(scene, ego), max(float(track.speeds_mps[-1]), 0.0)
+    keeps_speeds = requested is None or requested[0] <= there <= requested[1]
     return GoalChange(
         problem_id=ego.problem_id,
         lanelet_id=scene.matches[track.obstacle_id].lanelets[-1],
@@ -350,16 +350,16 @@ def _goal_at_end_of(track: Track, scene: Scene, ego: Ego) -> GoalChange | None:
         heading_rad=float(track.headings_rad[-1]),
         size_m=None,
         steps=(min(first, track.last_step), max(last, track.last_step)),
-        speed_mps=None if asked is None or keeps_speeds else (min(asked[0], there), max(asked[1], there)),
+        speed_mps=None if requested is None or keeps_speeds else (min(requested[0], there), max(requested[1], there)),
     )
 
 
 def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Changes, str]:
-    name = _class_asked(edit, ego.vehicle_class)
+    name = _requested_class(edit, ego.vehicle_class)
     vehicle = ego_class(name).vehicle.on_road(scene.friction)
     speed = ego.speed_mps if edit.speed is None else parse_speed(edit.speed, vehicle.maximum_speed_mps)
     if edit.speed is not None:
-        check_speed(speed, vehicle.maximum_speed_mps, f"the ego cannot drive {edit.speed}", "choose another speed")
+        check_speed(speed, vehicle.maximum_speed_mps, f"the ego cannot drive at {edit.speed}", "choose another speed")
     if edit.at is None:
         start = replace(ego, speed_mps=speed, vehicle_class=name)
         return replace(changes, ego=start), f"the ego starts at {speed:.1f} m/s"
@@ -374,7 +374,7 @@ def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Chan
 
 
 def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
-    """Return the former ego as a vehicle of its class that drives to the former goal, or straight ahead."""
+    """Return a plan for the former ego: a vehicle of its class that drives to the former goal, or straight ahead."""
     if not ego.lanelets:
         raise NotPossible("the former ego is not on a lanelet", valid=["former_ego=vanish"], next_step=_LET_VANISH)
     goals = tuple(key for key in _goal_lanelet_ids(scene, changes, ego) if key in scene.layout.table.lanes)
@@ -459,8 +459,8 @@ class _GoalTask:
             latest = latest_passing_s(self.speed_mps, farthest, self.vehicle)
             if least > self.window_s[1] + 1e-9:
                 raise NotPossible(
-                    f"{self.ahead_m:.1f} m within {self.window_s[1]:.1f} s is out of reach of any "
-                    f"{self.vehicle.vehicle_class} from {self.speed_mps:.1f} m/s",
+                    f"no {self.vehicle.vehicle_class} that starts at {self.speed_mps:.1f} m/s covers "
+                    f"{self.ahead_m:.1f} m within {self.window_s[1]:.1f} s",
                     valid=[f"goal_time of at least {math.ceil((self.start_s + least) * 10) / 10:.1f} s"],
                     next_step="give a later goal_time, or choose a nearer place",
                     remedies=[
@@ -483,10 +483,10 @@ class _GoalTask:
         times = np.linspace(*(self.window_s or (0.0, _LONGEST_S)), _TIMES)
         bounds = self.bounds_m[0], math.inf if self.comes_back else self.bounds_m[1]
         wanted = np.append(np.linspace(low, high, _SPEEDS), np.clip(self.speed_mps, low, high))
-        if can_be_there(self.speed_mps, bounds, times, wanted, self.vehicle).any():
+        if can_be_between(self.speed_mps, bounds, times, wanted, self.vehicle).any():
             return
         every = np.arange(0.0, self.vehicle.maximum_speed_mps, _SPEED_STEP_MPS)
-        possible = every[can_be_there(self.speed_mps, bounds, times, every, self.vehicle).any(axis=0)]
+        possible = every[can_be_between(self.speed_mps, bounds, times, every, self.vehicle).any(axis=0)]
         raise NotPossible(
             f"no {self.vehicle.vehicle_class} that starts at {self.speed_mps:.1f} m/s can be {self.ahead_m:.1f} m on "
             f"{self}",

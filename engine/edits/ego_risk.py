@@ -21,9 +21,9 @@ from ..cosimulation import (
     SimulationSetup,
     all_actors,
     driven_actor,
+    handover_track,
     replayed_actor,
     resimulate,
-    taken_over_track,
 )
 from ..criticality import SAME_DIRECTION_RAD, encounters, gaps_m, risk_scores, times_to_collision_s
 from ..geometry import Values, wrap_angle
@@ -39,7 +39,7 @@ _NO_CHANGES = Changes(next_id=0, driven={})
 
 @dataclass(frozen=True)
 class EgoRisk:
-    """The figures, and the ids of vehicles that they leave out: replayed ones that hit the ego from behind."""
+    """The figures, and the ids of vehicles that they leave out: replayed vehicles that hit the ego from behind."""
 
     figures: EgoDanger
     left_out: tuple[int, ...] = ()
@@ -93,7 +93,7 @@ def _simulate_ego(
     recorded = all_actors(scene, {}, changes.removed, changes.replays.values())
     driven = resimulate(setup, (*recorded, driven_actor(scene, plan)))
     seen = driven.get(plan.start.obstacle_id)
-    motion = None if seen is None else taken_over_track(plan.start, seen, scene.step_s, scene.last_step)
+    motion = None if seen is None else handover_track(plan.start, seen, scene.step_s, scene.last_step)
     return None if motion is None else motion.whole(plan.start)
 
 
@@ -146,7 +146,7 @@ def ego_risk_after(drive: Track, edited: EditedScene) -> EgoRisk:
     """Return the figures of a motion of the ego among all road users after the edits.
 
     A driven vehicle always counts after its hand-over. An earlier hit from behind comes from the recording. So does a
-    hit by a time-shifted vehicle whose recording also hits this ego. These hits are left out, as in recorded traffic.
+    hit by a time-shifted vehicle if its recording also hits this ego. These hits are left out, as in recorded traffic.
     """
     others, replayed = [], []
     for track in edited.tracks:
@@ -192,7 +192,7 @@ class _Meetings:
 
     @classmethod
     def of(cls, ego: Track, others: tuple[Track, ...]) -> "_Meetings":
-        """Return the meetings of the ego with others."""
+        """Return the meetings of the ego with the other road users."""
         met = encounters(ego, others)
         times_s = times_to_collision_s(met.ego, met.other)
         times_s[times_s > _LONGEST_TIME_S] = math.inf

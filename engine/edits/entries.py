@@ -88,15 +88,21 @@ class OccupiedPlaces:
                 return name
         return None
 
-    def check_free(self, place: Place, size_m: tuple[float, float], next_step: str) -> None:
+    def check_free(self, place: Place, size_m: tuple[float, float], next_step: str, *, side: int = 0) -> None:
         """Refuse an occupied place.
+
+        Args:
+            place: the place.
+            size_m: the length and width of the vehicle.
+            next_step: the advice.
+            side: 1 if the vehicle should be ahead of another one, -1 if behind, so that places on that side come first.
 
         Raises:
             NotPossible: the error states the occupant and the nearest free places.
         """
         occupant = self.occupant(place, size_m)
         if occupant is not None:
-            free = self._free_places(place, size_m)
+            free = self._free_beyond(place, size_m, side) or self._free_places(place, size_m)
             here = [
                 with_values(**dict.fromkeys(_SEVERAL)),
                 *(_alone_at(one) for one in _spaced_places(free, size_m[0])),
@@ -119,8 +125,17 @@ class OccupiedPlaces:
         next_to_it = [*table.successors[place.lanelet_id], *table.predecessors[place.lanelet_id], *sides]
         return self._free_on([place.lanelet_id], place, size_m) or self._free_on(next_to_it, place, size_m)
 
+    def _free_beyond(self, place: Place, size_m: tuple[float, float], side: int) -> list[Place]:
+        """Return the nearest free places ahead of a place (side 1) or behind it (-1) along the lane."""
+        table, here = self.scene.layout.table, place.lanelet_id
+        if not side:
+            return []
+        onward = [here, *(table.successors if side > 0 else table.predecessors)[here]]
+        free = self._free_on(onward, place, size_m)
+        return [one for one in free if one.lanelet_id != here or (one.station_m - place.station_m) * side > 0]
+
     def _free_on(self, lanelets: list[int], place: Place, size_m: tuple[float, float]) -> list[Place]:
-        """Return some free places on lanelets, ordered by straight-line distance from a place."""
+        """Return free places on the given lanelets, ordered by straight-line distance from a place."""
         wanted, lanes = place.pose(self.scene)[0], self.scene.layout.table.lanes
         tried = []
         for key in lanelets:
@@ -203,7 +218,7 @@ class _Neighbour:
     is_parked: bool = False
 
     def gap_m(self, vehicle_class: VehicleClass) -> float:
-        """Return the gap between the bumpers."""
+        """Return the gap to a vehicle of this class at the place, bumper to bumper; 0 if they overlap."""
         return max(abs(self.distance_m) - (self.length_m + vehicle_class.length_m) / 2, 0.0)
 
 
@@ -218,7 +233,7 @@ class EntrySpeed:
 def entry_speed(
     scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int, route: tuple[int, ...]
 ) -> EntrySpeed:
-    """Return the speed: 80 % of the lane's speed, or the speed of the nearest moving vehicle in the lane.
+    """Return the speed: 80% of the lane's speed, or the speed of the nearest moving vehicle in the lane.
 
     It is never too fast for the leader, parked or not, nor for the curves of the route, which starts on the place's
     lanelet.
@@ -279,13 +294,13 @@ def gaps_in_words(
 
 def _gap_text(neighbour: _Neighbour, vehicle_class: VehicleClass, follower_mps: float) -> str:
     gap_m = neighbour.gap_m(vehicle_class)
-    headway = f", {gap_m / follower_mps:.1f} s" if follower_mps > TIME_GAP_MPS else ""
+    headway = f" ({gap_m / follower_mps:.1f} s)" if follower_mps > TIME_GAP_MPS else ""
     who = "the ego" if neighbour.vehicle_id == _EGO_ID else f"vehicle {neighbour.vehicle_id}"
     return f"{gap_m:.1f} m{headway} to {who}"
 
 
 def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[_Neighbour]:
-    """Return the vehicles in the lane, or in those directly before and after it."""
+    """Return the vehicles on a place's lanelet and on the lanelets directly before and after it."""
     lanes, starts = scene.layout.table.lanes, _lanes_in_a_row(scene, place)
     there, neighbours = scene_for_references(scene, changes), []
     for key, match in sorted(there.matches.items()):
@@ -300,7 +315,7 @@ def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[
 
 
 def _lanes_in_a_row(scene: Scene, place: Place) -> dict[int, float]:
-    """Return the lanelet of a place and those directly before and after it, each with the station of its start in m."""
+    """Return the station in m at which a place's lanelet and those directly before and after it start, by lanelet."""
     lanes = scene.layout.table.lanes
     before = [key for key in scene.lanelet_graph.predecessors.get(place.lanelet_id, ()) if key in lanes]
     starts = {place.lanelet_id: 0.0} | {key: -lanes[key].length_m for key in before}
@@ -318,7 +333,7 @@ def _ego_in_lane(scene: Scene, changes: Changes, place: Place, step: int) -> lis
 
 
 def slower_entries(simulated: SimulatedEdits) -> tuple[tuple[Edit, ...], tuple[str, ...]] | None:
-    """Return the edits with half or zero speed for added vehicles if this keeps them from hitting others.
+    """Return the edits with half or zero speed for added vehicles if this keeps them from hitting other road users.
 
     Returns:
         The edits, and a sentence on each vehicle that enters more slowly; None if there is no such vehicle.
@@ -511,14 +526,14 @@ def _without(key: int, tracks: Mapping[int, Track]) -> Iterator[Track]:
     return (track for other, track in tracks.items() if other != key)
 
 
-def _fitting_times(replays: Mapping[int, Replay], asked: int, edited: EditedScene) -> list[str]:
+def _fitting_times(replays: Mapping[int, Replay], requested: int, edited: EditedScene) -> list[str]:
     """Return the ``time_s`` nearest to the requested steps at which the vehicles start clear of all others for 2 s."""
     scene, nearest = edited.scene, []
     for sign in (-1, 1):
-        tried = (asked + sign * more for more in range(1, 2 * scene.last_step))
-        fitting = next((steps for steps in tried if steps and _fits(replays, steps - asked, edited)), None)
+        tried = (requested + sign * more for more in range(1, 2 * scene.last_step))
+        fitting = next((steps for steps in tried if steps and _fits(replays, steps - requested, edited)), None)
         nearest += [] if fitting is None else [fitting]
-    return [f"time_s={steps * scene.step_s:g}" for steps in sorted(nearest, key=lambda steps: abs(steps - asked))]
+    return [f"time_s={steps * scene.step_s:g}" for steps in sorted(nearest, key=lambda steps: abs(steps - requested))]
 
 
 def _fits(replays: Mapping[int, Replay], more_steps: int, edited: EditedScene) -> bool:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ...schemas.errors import NotPossible
 from ...schemas.modification import Achieved, VehicleRoute
 from ..commonroad import Track
-from ..cosimulation import LANE_CHANGE_S, DrivePlan, Manoeuvre, TakenOverTrack, pedestrian_of
+from ..cosimulation import LANE_CHANGE_S, DrivePlan, HandoverTrack, Manoeuvre, pedestrian_of
 from ..geometry import Values, project
 from ..scene import NOT_DRIVEN, Scene
 from ..vehicles import STANDING_MPS
@@ -74,7 +74,7 @@ def vehicle_route(edited: EditedScene, step: EditStep, key: int) -> VehicleRoute
     if _sent_elsewhere(step, vehicle.plan, missed[0]):
         reason, advice = "a later edit sends it elsewhere", "remove one of the two edits"
     else:
-        reason = vehicle.held_up(missed[0], step.since.get(key, vehicle.track.first_step))
+        reason = vehicle.reason_not_reached(missed[0], step.since.get(key, vehicle.track.first_step))
         advice = vehicle.advice(missed[0])
     lanelets = (*vehicle.lanelets, *vehicle.rest_of_route)
     return VehicleRoute(vehicle_id=key, lanelets=lanelets, arrives=False, reason=reason, advice=advice)
@@ -94,7 +94,7 @@ def check_not_driven_past(edited: EditedScene, key: int) -> None:
     if plan.cause != "edited" or not leads_there or vehicle.gets_to(plan.targets):
         return
     if vehicle.track.leaves or graph.shortest_route(driven[-1:], sorted(plan.targets)) is None:
-        reason = vehicle.held_up(plan.targets, vehicle.track.first_step)
+        reason = vehicle.reason_not_reached(plan.targets, vehicle.track.first_step)
         raise NotPossible(
             f"vehicle {key} would drive past lanelet {vehicle.first_of(plan.targets)}: {reason}, and it is too fast to "
             "wait for a gap",
@@ -125,9 +125,9 @@ def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list
         if later is None and not len(speeds):
             continue
         if later is not None:
-            reason = f"another edit limits it to {later.speed_mps:.1f} m/s from {later.from_step * step_s:g} s"
+            reason = f"another edit sets its speed to {later.speed_mps:.1f} m/s from {later.from_step * step_s:g} s"
         else:
-            reason = _held_back(edited.scene, track, speeds, wanted)
+            reason = _reason_speed_missed(edited.scene, track, speeds, wanted)
         closest = float(speeds[np.argmin(np.abs(speeds - wanted))]) if len(speeds) else 0.0
         if later is not None and not len(speeds):
             closest = later.speed_mps or 0.0
@@ -140,22 +140,22 @@ def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list
     for reason, closest_mps in missed.items():
         do = "does" if len(closest_mps) == 1 else "do"
         best = _range_of(closest_mps.values())
-        sentences.append(f"{listed(tuple(closest_mps))} {do} not reach the speed, {best} m/s at best: {reason}")
+        sentences.append(f"{listed(tuple(closest_mps))} {do} not reach the speed (closest: {best} m/s): {reason}")
     return sentences, achieved
 
 
 def _range_of(values: Iterable[float]) -> str:
-    """Return the range of some values to one decimal, or the single value if all are equal."""
+    """Return the range of the values as text, to one decimal, or the single value if all are equal."""
     ordered = sorted(values)
     low, high = f"{ordered[0]:.1f}", f"{ordered[-1]:.1f}"
     return low if low == high else f"{low} to {high}"
 
 
-def _speed_achieved(key: int, wanted_mps: float, speed_mps: float, *, reached: bool) -> Achieved:
+def _speed_achieved(key: int, requested_mps: float, speed_mps: float, *, reached: bool) -> Achieved:
     return Achieved(
         vehicle_id=key,
         quantity="speed",
-        asked=round(wanted_mps, 2),
+        asked=round(requested_mps, 2),
         value=round(speed_mps, 2),
         unit="m/s",
         reached=reached,
@@ -188,7 +188,7 @@ def stood_until_s(edited: EditedScene, key: int) -> float | None:
 
 
 def why_shifts_are_driven(edited: EditedScene, vehicles: tuple[int, ...]) -> list[str]:
-    """Return when and why the first three of an edit's time-shifted vehicles were handed over to SUMO."""
+    """Return sentences on when and why the first three of an edit's time-shifted vehicles were handed over to SUMO."""
     driven = [key for key in edited.driven_shifts if key in vehicles]
     more = [f"{len(driven) - _MOST_NAMED} more are driven"] if len(driven) > _MOST_NAMED else []
     return [_why_shift_is_driven(edited, key) for key in driven[:_MOST_NAMED]] + more
@@ -207,7 +207,7 @@ def _why_shift_is_driven(edited: EditedScene, key: int) -> str:
 
 
 def why_handed_over(edited: EditedScene) -> dict[int, str]:
-    """Return which road user vehicles outside the edits would hit on their recording, and when.
+    """Return, for each handed-over vehicle, which road user it would hit on its recording, and when, as text.
 
     The result covers at most ten vehicles, in the order in which they were handed over. A vehicle that no longer hits
     any road user, because others react, has no reason.
@@ -230,7 +230,7 @@ class DrivenVehicle:
 
     scene: Scene
     plan: DrivePlan
-    track: TakenOverTrack
+    track: HandoverTrack
     others: Mapping[int, Track]
 
     @classmethod
@@ -249,7 +249,7 @@ class DrivenVehicle:
         return passed[:1] + self._reached(passed[1:])
 
     def gets_to(self, targets: frozenset[int], since: int | None = None) -> bool:
-        """Return True if the motion reaches one of some lanelets at or after a step (None: at any step).
+        """Return True if the motion reaches one of the target lanelets at or after a step (None: at any step).
 
         SUMO's bumper may pass a short lanelet while the vehicle is still changing over from the adjacent one.
         """
@@ -267,11 +267,11 @@ class DrivenVehicle:
         return () if route is None else route[len(self.lanelets[-1:]) :]
 
     def first_of(self, targets: frozenset[int]) -> int:
-        """Return the first of some lanelets on the planned route, else the one with the lowest id."""
+        """Return the first target lanelet on the planned route; if there is none, the target with the lowest id."""
         return next((key for key in self.plan.lanelets if key in targets), min(targets))
 
-    def held_up(self, targets: frozenset[int], since: int) -> str:
-        """Return why the vehicle reaches none of some lanelets: no room to change lanes, else its final position.
+    def reason_not_reached(self, targets: frozenset[int], since: int) -> str:
+        """Return why the vehicle reaches none of the target lanelets: no room to change lanes, else its final position.
 
         ``since``: the step from which it should head there.
         """
@@ -284,9 +284,9 @@ class DrivenVehicle:
         gets_over = not targets.isdisjoint(scene.layout.lanelets_of_lane.get(lane, ()))
         if edge and side_lanelets and not gets_over:
             missing = "room" if (track.last_step - since) * scene.step_s > LANE_CHANGE_S else "time"
-            return f"no {missing} to change into lanelet {min(side_lanelets)} before {ends}{self._in_the_way}"
+            return f"no {missing} to change into lanelet {min(side_lanelets)} before {ends}{self._blocking_road_users}"
         if set(self.lanelets) & _side_by_side(scene, targets) and not gets_over:
-            return f"no room to change into lanelet {target} before its road ends{self._in_the_way}"
+            return f"no room to change into lanelet {target} before its road ends{self._blocking_road_users}"
         if track.leaves:
             return f"{ends} before lanelet {target}"
         late = delay(scene, track, self.others, self.lanelets)
@@ -309,14 +309,14 @@ class DrivenVehicle:
         return nearer
 
     @property
-    def _in_the_way(self) -> str:
+    def _blocking_road_users(self) -> str:
         """The road users that left no room for a lane change, as text; empty if unknown."""
         names = [_in_words(self.scene, key) for key in self.track.blocked_by]
         more = " and others" if len(names) > _MOST_NAMED else ""
         return f"; in the way: {', '.join(names[:_MOST_NAMED])}{more}" if names else ""
 
     def _lanelets_passed(self, lanes: Iterable[str], first: Iterable[int] = ()) -> tuple[int, ...]:
-        """Return the lanelets of SUMO's lanes in order, after those of ``first``, with those passed in one step."""
+        """Return the lanelets of SUMO's lanes in order, after the lanelets ``first``, even if passed within a step."""
         passed = list(first)
         for lane, _ in groupby(lanes):
             for key in self.scene.layout.lanelets_of_lane.get(lane, ()):
@@ -332,7 +332,7 @@ class DrivenVehicle:
         return between if all(graph.length_m[key] < _SHORT_M for key in between) else ()
 
     def _reached(self, lanelets: tuple[int, ...], begin: int = 0) -> tuple[int, ...]:
-        """Return the lanelets without the last ones if the motion after an index does not reach them."""
+        """Return the lanelets; omit the last lanelets if the motion after an index does not reach them."""
         count = len(lanelets)
         while count and not self._gets_onto(lanelets[count - 1], begin):
             count -= 1
@@ -350,14 +350,14 @@ class DrivenVehicle:
         )
 
 
-def _held_back(scene: Scene, track: TakenOverTrack, speeds: Values, wanted_mps: float) -> str:
+def _reason_speed_missed(scene: Scene, track: HandoverTrack, speeds: Values, requested_mps: float) -> str:
     """Return why a speed was not reached: no time, or something in the way.
 
     Nothing ahead prevents a vehicle from slowing down, and less than one second is not enough to judge.
     """
     a_second = round(1.0 / scene.step_s)
     gained_mps = float(speeds[-1] - speeds[-a_second - 1]) if len(speeds) > a_second else math.inf
-    if speeds[-1] < wanted_mps and gained_mps < _STILL_CHANGING_MPS2:
+    if speeds[-1] < requested_mps and gained_mps < _STILL_CHANGING_MPS2:
         return "traffic ahead, a junction or a curve limits it"
     if track.leaves:
         return "it leaves the network first"
@@ -374,7 +374,7 @@ def _side_by_side(scene: Scene, lanelets: Iterable[int]) -> set[int]:
     return {key for edge in edges for key in scene.layout.edges[edge]}
 
 
-def delay(scene: Scene, track: TakenOverTrack, others: Mapping[int, Track], driven: tuple[int, ...] = ()) -> str:
+def delay(scene: Scene, track: HandoverTrack, others: Mapping[int, Track], driven: tuple[int, ...] = ()) -> str:
     """Return what delayed a vehicle, as the end of a sentence: longest stop, slow lanelets, a leader, or "".
 
     ``others``: all road users after the edits. ``driven``: the lanelets that the vehicle reaches; it stands on the last
@@ -392,8 +392,8 @@ def delay(scene: Scene, track: TakenOverTrack, others: Mapping[int, Track], driv
     return f", on lanelets limited to {scene.driven_speeds_mps[slow]:.1f} m/s ({slow})"
 
 
-def _behind(scene: Scene, track: TakenOverTrack, others: Mapping[int, Track], steps: Sequence[int]) -> str:
-    """Return the road user that a vehicle was behind for most of some steps, as text; "" if there is none."""
+def _behind(scene: Scene, track: HandoverTrack, others: Mapping[int, Track], steps: Sequence[int]) -> str:
+    """Return the road user that a vehicle was behind for most of the given steps, as text; "" if there is none."""
     leaders, indices = [], np.array(steps) - track.first_step
     for key, other in others.items():
         there = indices + (track.first_step - other.first_step)
@@ -407,14 +407,14 @@ def _behind(scene: Scene, track: TakenOverTrack, others: Mapping[int, Track], st
     return f" behind {_in_words(scene, min(leaders)[2])}" if leaders else ""
 
 
-def _standing(scene: Scene, track: TakenOverTrack, steps: list[int], key: int) -> str:
+def _standing(scene: Scene, track: HandoverTrack, steps: list[int], key: int) -> str:
     """Return how a vehicle stands on a lanelet at given steps, as text that ends before the lanelet's name."""
     if sum(is_red(scene, key, step) for step in steps) > len(steps) / 2:
         return "at a red light on"
     return "waiting at the junction after" if _is_at_junction(scene, track, steps[-1], key) else "standing on"
 
 
-def _longest_stand(scene: Scene, track: TakenOverTrack, driven: tuple[int, ...]) -> tuple[list[int], int]:
+def _longest_stand(scene: Scene, track: HandoverTrack, driven: tuple[int, ...]) -> tuple[list[int], int]:
     """Return the steps at which a vehicle stood on the lanelet of its longest stop, and the lanelet's id.
 
     If the vehicle does not stop, there are no steps.
@@ -431,7 +431,7 @@ def _longest_stand(scene: Scene, track: TakenOverTrack, driven: tuple[int, ...])
     return steps, key
 
 
-def _is_at_junction(scene: Scene, track: TakenOverTrack, step: int, key: int) -> bool:
+def _is_at_junction(scene: Scene, track: HandoverTrack, step: int, key: int) -> bool:
     """Return True if a vehicle is the first at the end of a lanelet that leads into a junction."""
     lane = scene.layout.table.lanes[key]
     if key not in scene.layout.lane_of or scene.layout.lane_of.keys() >= set(scene.layout.table.successors[key]):
@@ -446,8 +446,8 @@ def is_red(scene: Scene, lanelet_id: int, step: int) -> bool:
     return bool(letters) and _RED.issuperset(letters)
 
 
-def _slow_lanelet(scene: Scene, track: TakenOverTrack) -> int | None:
-    """Return the lanelet whose limit slowed a vehicle for the longest time, or None."""
+def _slow_lanelet(scene: Scene, track: HandoverTrack) -> int | None:
+    """Return the lanelet with the limit that slowed a vehicle for the longest time, or None."""
     limited_steps: dict[int, int] = {}
     for lane, speed in zip(track.lanes, track.speeds_mps, strict=False):
         for key in scene.layout.lanelets_of_lane.get(lane, ())[-1:]:
@@ -459,8 +459,8 @@ def _slow_lanelet(scene: Scene, track: TakenOverTrack) -> int | None:
     return max(limited_steps, key=lambda key: (limited_steps[key], -key))
 
 
-def _gaps_m(track: TakenOverTrack, other: Track, indices: _Indices, there: _Indices) -> Values:
-    """Return the gap in m to another vehicle at some steps (n,); infinite if it is not directly ahead."""
+def _gaps_m(track: HandoverTrack, other: Track, indices: _Indices, there: _Indices) -> Values:
+    """Return the gap in m to another vehicle at the given steps (n,); infinite if it is not directly ahead."""
     heading = track.headings_rad[indices]
     x, y = (other.positions[there] - track.positions[indices]).T
     ahead, aside = x * np.cos(heading) + y * np.sin(heading), y * np.cos(heading) - x * np.sin(heading)
@@ -505,7 +505,7 @@ def why_missed(values: Sequence[Achieved]) -> str | None:
     """Return why an edit counts as not done although its vehicles follow its orders; None if it is done.
 
     An edit is not done if its effect occurred for none of its vehicles. A value that only differs from the requested
-    one is reported as a value.
+    value is reported as a value.
     """
     missed = {one.vehicle_id: one.quantity for one in values if one.failed}
     if not missed or {one.vehicle_id for one in values} - set(missed):
@@ -521,7 +521,7 @@ _MISSED: Mapping[str, str] = {
 
 
 def _is_set_anew(step: EditStep, key: int, later: Sequence[EditStep]) -> bool:
-    """Return True if later edits set all of an edit's parameters to values independent of the earlier ones."""
+    """Return True if later edits set all of an edit's parameters to values independent of the earlier values."""
     of_vehicle = [other.parameters for other in later if key in other.vehicles]
     anew = {name for parameters in of_vehicle for name, is_whatever in parameters.items() if is_whatever}
     return bool(step.parameters) and anew.issuperset(step.parameters)
@@ -539,19 +539,19 @@ def _is_superseded_by_plan(step: EditStep, key: int, result: SimulationResult) -
 
 
 def _sent_elsewhere(step: EditStep, plan: DrivePlan, targets: frozenset[int]) -> bool:
-    """Return True if a later edit sends a vehicle (with this last plan) away from an edit's targets."""
+    """Return True if a later edit sends a vehicle, whose last plan is given, away from an edit's targets."""
     key = plan.start.obstacle_id
     own = step.changes.driven[key]
-    asked = [one for one in own.manoeuvres if one.lanes_left and one.from_step == step.since.get(key)]
+    lane_changes = [one for one in own.manoeuvres if one.lanes_left and one.from_step == step.since.get(key)]
     later = [one for one in plan.manoeuvres if one.lanes_left and one not in own.manoeuvres]
-    if asked and any(one.lanes_left * asked[-1].lanes_left < 0 for one in later):
+    if lane_changes and any(one.lanes_left * lane_changes[-1].lanes_left < 0 for one in later):
         return True
     is_changed = (plan.targets, plan.lanelets) != (own.targets, own.lanelets)
     return is_changed and not targets & (plan.through | set(plan.lanelets))
 
 
 def _next_speed(step: EditStep, plan: DrivePlan) -> Manoeuvre | None:
-    """Return the first speed order that follows the one of an edit in time, or None."""
+    """Return the speed order that comes next in time after the edit's own order, or None."""
     wanted, first = step.speeds[plan.start.obstacle_id]
     own = Manoeuvre(first, speed_mps=wanted)
     after = plan.manoeuvres[plan.manoeuvres.index(own) + 1 :]

@@ -23,11 +23,20 @@ from ..cosimulation import (
     sent_on,
     usual_behaviour,
 )
-from ..geometry import Points, arc_length, interpolate, point_at, project
+from ..geometry import Points, arc_length, interpolate, point_at
 from ..network import Signal, station_m
 from ..scene import LaneMatch, Scene
 from ..vehicles import VehicleClass
-from .changes import Changes, EditStep, check_speed, named_vehicles, parse_speed, plan_of, within_time
+from .changes import (
+    Changes,
+    EditStep,
+    check_speed,
+    distances_ahead_m,
+    named_vehicles,
+    parse_speed,
+    plan_of,
+    within_time,
+)
 from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
 from .placement import Place, first_place
@@ -35,7 +44,7 @@ from .population import check_allowed, resolve_class
 from .references import select, select_one, target_lanelets
 from .scripted import LINE_MISSED, RED_MISSED, achieved, motion_of
 
-_BARRIER_M, _BESIDE_BARRIER_M = 1.0, 0.2
+_BARRIER_M, _BARRIER_MARGIN_M = 1.0, 0.2
 """Length of the barrier that closes a lane, and the room that it leaves on either side (chosen)."""
 _RED = frozenset("ru")
 """SUMO's letters of a red light, and of red and yellow."""
@@ -55,7 +64,7 @@ def move(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Put a vehicle elsewhere; it keeps its id, class, speeds and, if possible from there, its route.
 
     Raises:
-        InvalidRequest: several vehicles, or no position.
+        InvalidRequest: several vehicles are given, or no position is.
         NotPossible: the position is occupied, or the vehicle cannot be driven.
     """
     key = select_one(edit, scene, changes)
@@ -129,8 +138,8 @@ def replace_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Give vehicles a new class: they drive as before, with the type, size and limits of that class.
 
     Raises:
-        InvalidRequest: no class.
-        UnknownName: no such class.
+        InvalidRequest: no class is given.
+        UnknownName: there is no such class.
         NotPossible: the road is closed to the class, or a vehicle cannot be driven.
     """
     vehicles, vehicle_class = select(edit.vehicles, scene, changes), resolve_class(edit.vehicle_class)
@@ -206,7 +215,7 @@ def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
                 remedies=[VEHICLES_LISTED],
             )
         order = Manoeuvre(plan.from_step, speed_mps=speed_mps)
-        # It stays in the lanes that lead to its light: other lanes have a different light or none.
+        # It stays in the lanes that lead to its light: other lanes have a different light or no light.
         kept = (
             plan.through | {*plan.lanelets[: plan.lanelets.index(lanelet) + 1]}
             if lanelet in plan.lanelets
@@ -243,22 +252,12 @@ def _next_light(scene: Scene, plan: DrivePlan) -> tuple[Signal, int, float]:
         NotPossible: there is no light ahead.
     """
     by_lanelet = {key: signal for signal in scene.signals for key in signal.lanelets}
-    lanes, front = scene.layout.table.lanes, plan.start.front_at(plan.from_step - plan.start.first_step)
-    chain = list(plan.lanelets)
-    for _ in range(20):
-        following = scene.edge_graph.straight_on(chain[-1])
-        if not following or not set(chain).isdisjoint(following):
-            break
-        chain += following
-    away_m = -project(lanes[chain[0]].center, front)[0]
-    for place, key in enumerate(chain):
-        if place and key not in scene.layout.table.successors[chain[place - 1]]:
-            away_m -= lanes[chain[place - 1]].length_m
-        away_m += lanes[key].length_m
-        if key in by_lanelet and away_m > 0.0:
-            return by_lanelet[key], key, away_m
+    for key, start_m in distances_ahead_m(scene, plan).items():
+        line_m = start_m + scene.layout.table.lanes[key].length_m
+        if key in by_lanelet and line_m > 0.0:
+            return by_lanelet[key], key, line_m
     raise NotPossible(
-        f"vehicle {plan.start.obstacle_id} has no traffic light with a cycle ahead",
+        f"no traffic light that has a cycle is ahead of vehicle {plan.start.obstacle_id} on its route",
         valid=[f"lights at lanelet {key}" for key in sorted(by_lanelet)] or ["set_light to=[LANELET] adds one"],
         next_step="choose a vehicle that reaches a light, or add one with set_light",
     )
@@ -302,14 +301,17 @@ def close_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Close lanelets with a barrier across each, permanently or for a time; vehicles that would hit it react.
 
     Raises:
-        InvalidRequest: no lanelet, or a time outside the scenario.
-        UnknownName: no such lanelet.
+        InvalidRequest: no lanelet is given, or a time is outside the scenario.
+        UnknownName: there is no such lanelet.
         NotPossible: a road user is where the barrier would be.
     """
     lanelets = sorted(target_lanelets(edit.to, scene, changes)) if edit.to else []
     if not lanelets:
         raise InvalidRequest(
-            "close_lane needs lanelets", valid=["to=['595']"], next_step="give them in 'to'", remedies=[LANELETS_LISTED]
+            "close_lane needs lanelets",
+            valid=["to=[LANELET]"],
+            next_step="give them in 'to'",
+            remedies=[LANELETS_LISTED],
         )
     begin = 0 if edit.time_s is None else round(edit.time_s / scene.step_s)
     last = scene.last_step if edit.duration_s is None else begin + round(edit.duration_s / scene.step_s)
@@ -327,7 +329,7 @@ def close_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         lane = scene.layout.table.lanes[lanelet]
         place = Place(lanelet, station_m(edit.position or "middle", lanelet, lane.length_m, _BARRIER_M / 2))
         center, heading = place.pose(scene)
-        size = _BARRIER_M, max(lane.width_m - 2 * _BESIDE_BARRIER_M, 1.0)
+        size = _BARRIER_M, max(lane.width_m - 2 * _BARRIER_MARGIN_M, 1.0)
         occupant = OccupiedPlaces.at(scene, begin, changes).occupant_at(center, heading, size)
         if occupant is not None:
             raise NotPossible(
@@ -345,7 +347,9 @@ def close_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         added.append(track.obstacle_id)
     when = "" if is_always else f" from {begin * scene.step_s:g} to {last * scene.step_s:g} s"
     where = ", ".join(map(str, lanelets))
-    what = f"lanelet {where} closed by a barrier at {edit.position or 'middle'}{when}: {', '.join(map(str, added))}"
+    what = (
+        f"lanelet {where} closed{when} by barrier {', '.join(map(str, added))} (position {edit.position or 'middle'})"
+    )
     return EditStep(changes, tuple(added), what, added=tuple(added))
 
 

@@ -42,7 +42,7 @@ class Place:
 
 @dataclass(frozen=True)
 class _Reference:
-    """The reference of a relative place."""
+    """The ego or vehicle that a relative place refers to."""
 
     name: str
     lanelet_id: int
@@ -55,9 +55,9 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
     """Return the place that an edit gives, on a lanelet or relative to the ego or a vehicle.
 
     Raises:
-        InvalidRequest: no place, or arguments that contradict each other.
-        UnknownName: a lanelet, edge or vehicle that does not exist.
-        NotPossible: no such lane, or the road ends before.
+        InvalidRequest: no place is given, or arguments contradict each other.
+        UnknownName: a lanelet, edge or vehicle does not exist.
+        NotPossible: there is no such lane, or the road ends before the place.
     """
     if edit.at is None:
         raise InvalidRequest(
@@ -102,7 +102,7 @@ def _offset_m(edit: Edit, reference: _Reference, length_m: float) -> float:
     as fast.
 
     Raises:
-        InvalidRequest: both a distance and a time gap, or a time gap to a standing vehicle.
+        InvalidRequest: both a distance and a time gap are given, or a time gap to a standing vehicle.
     """
     if edit.gap_s is None:
         return edit.offset_m or 0.0
@@ -177,7 +177,7 @@ def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: f
     ``targets``: if any routes lead to these lanelets, the place is on the shortest of the routes.
 
     Raises:
-        NotPossible: the road ends before.
+        NotPossible: the road ends before the place.
     """
     lanes, table = scene.layout.table.lanes, scene.layout.table
     key, station, seen = place.lanelet_id, place.station_m + distance_m, {place.lanelet_id}
@@ -187,7 +187,8 @@ def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: f
         onward = [other for other in (table.successors if forward else table.predecessors)[key] if other not in seen]
         if not onward:
             raise NotPossible(
-                f"the road ends before {distance_m:+.6g} m from lanelet {place.lanelet_id} at {place.station_m:.1f} m",
+                f"from lanelet {place.lanelet_id} at {place.station_m:.1f} m, the road does not extend "
+                f"{abs(distance_m):.6g} m {'ahead' if forward else 'back'}",
                 valid=[f"up to {room_m:+.1f} m, where lanelet {key} {'ends' if forward else 'begins'}"],
                 next_step="choose a place within the road",
                 remedies=[with_values(offset_m=round(share * room_m, 1)) for share in _SHARES_OF_ROOM],
@@ -263,7 +264,7 @@ def _matching_vehicles(text: str, selector: str, scene: Scene, changes: Changes)
 
 
 def _oncoming(reference: _Reference, offset_m: float, scene: Scene) -> Place:
-    """Return the oncoming lane next to a point ``offset_m`` along the reference's own lane.
+    """Return the place in the oncoming lane next to a point ``offset_m`` along the reference's own lane.
 
     This is the lane that the map declares as adjacent, else the nearest oncoming lane.
     """
@@ -305,7 +306,7 @@ def _adjacent_lane(reference: _Reference, side: str, scene: Scene) -> int:
     there = {key: value for key, value in sides.items() if value is not None and value in scene.layout.table.lanes}
     if side not in there:
         raise NotPossible(
-            f"{reference.name} has no lane in its direction on its {side}",
+            f"{reference.name} has no lane in its direction to its {side}",
             valid=["same", *there],
             next_step="choose another lane",
             remedies=[with_values(lane=word) for word in (*there, "same")],

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest, with_values
 from ...schemas.modification import Edit
+from ...schemas.text import counted
 from ..commonroad import Track
 from ..cosimulation import (
     DrivePlan,
@@ -29,7 +30,7 @@ from ..cosimulation import (
 from ..geometry import Points, length_m, point_at, project, without_repeats
 from ..network import station_m
 from ..scene import Scene
-from ..vehicles import VehicleClass, vehicle_class_of, vehicle_classes
+from ..vehicles import PEDESTRIAN, VehicleClass, vehicle_class_of, vehicle_classes
 from .changes import Changes, EditStep, check_speed, listed, parse_speed, within_time
 from .entries import CLEARANCE_M, PLACE_TAKEN, OccupiedPlaces, entry_speed, gaps_in_words
 from .placement import Place, advance_along_lane, first_place, read_trigger
@@ -61,7 +62,7 @@ _CYCLIST = _Crosser("bicycle", "bicycle", (1.6, 0.65), 5.6, 1.0)
 """Size and limits of the class ``bicycle`` (``engine/vehicles/classes.py``)."""
 _PARKING_GAP_M = 1.5
 """Gap between the bumpers of vehicles that are parked one behind the other (chosen)."""
-_PARKED_BESIDE_M = 0.1
+_FROM_LANE_M = 0.1
 """Gap between a parked vehicle and the lane (chosen), so that drivers who keep to lanes pass it."""
 _KERB_M = 0.6
 """A crossing pedestrian starts and ends this far outside the road (chosen)."""
@@ -89,10 +90,10 @@ class _Entering:
 
 
 def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Add one or more vehicles of a class; further ones are placed downstream of the first, ``spacing_m`` apart.
+    """Add one or more vehicles of a class; further vehicles are placed downstream of the first, ``spacing_m`` apart.
 
     Raises:
-        UnknownName: no such class, lanelet or vehicle.
+        UnknownName: there is no such class, lanelet or vehicle.
         NotPossible: the place is occupied (the error lists the nearest free places), the vehicle behind cannot brake
             enough, or there is no such lane.
     """
@@ -101,7 +102,7 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         return _add_crossing(edit, scene, changes, _PEDESTRIAN)
     if named == "bicycle" and edit.side is not None and edit.speed is not None:
         return _add_crossing(edit, scene, changes, _CYCLIST)
-    vehicle_class = resolve_class(edit.vehicle_class)
+    vehicle_class = resolve_class(edit.vehicle_class, on_foot=True)
     if edit.duration_s is not None:
         raise InvalidRequest(
             "duration_s applies to a pedestrian or crossing cyclist here: how long it stands at the kerb",
@@ -143,11 +144,11 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         added.append(changes.next_id)
         changes = replace(changes.with_plan(entering[-1].plan), next_id=changes.next_id + 1)
     who = f"{vehicle_class.name} {', '.join(map(str, added))}"
-    asked = (edit.vehicle_class or "").strip()
-    who += f" ({asked!r} read as {vehicle_class.name})" if asked.lower() != vehicle_class.name else ""
+    requested = (edit.vehicle_class or "").strip()
+    who += f" ({requested!r} read as {vehicle_class.name})" if requested.lower() != vehicle_class.name else ""
     where = f"{_where(places, spacing)}{_why_there(edit)}"
     why = f" ({entering[0].reason})" if entering[0].reason else ""
-    gaps = f"{entering[-1].ahead} and {entering[0].behind}"
+    gaps = f"{entering[-1].ahead}, {entering[0].behind}"
     stands = ", stands until another edit moves it" if changes.driven[added[0]].manoeuvres else ""
     what = f"{who} {where}, {_entries(edit, scene, changes, added)}{why}{stands}, gaps: {gaps}"
     aims = {key: (changes.driven[key].targets,) for key in added if changes.driven[key].targets}
@@ -155,7 +156,7 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _why_there(edit: Edit) -> str:
-    """Return how the place was computed, if the edit gives no position on a lanelet."""
+    """Return text on how the place was computed; empty if the edit gives a position on a lanelet."""
     if edit.position is not None:
         return ""
     lane = f", lane {edit.lane}" if edit.lane else ""
@@ -165,7 +166,7 @@ def _why_there(edit: Edit) -> str:
 
 
 def _where(places: list[Place], spacing_m: float) -> str:
-    """Return where the vehicles enter: the place of a single vehicle, or those of the first and the last."""
+    """Return text on where the vehicles enter: the place of a single vehicle, or the first and the last place."""
     first, last = places[0], places[-1]
     begin, end = (f"lanelet {place.lanelet_id} at {place.station_m:.1f} m" for place in (first, last))
     if len(places) == 1:
@@ -181,8 +182,9 @@ def _no_more(error: NotPossible, number: int, count: int, spacing_m: float, vehi
     """Return the refusal if only some of several vehicles have a place; it proposes a smaller number or spacing."""
     least_m = math.ceil(10 * (vehicle_class.length_m + CLEARANCE_M + _ROUNDING_M)) / 10
     too_near = spacing_m < least_m
+    why = f"a {vehicle_class.name} is {vehicle_class.length_m:g} m long" if too_near else error.message
     return NotPossible(
-        f"{number} of {count} vehicles fit {spacing_m:g} m apart; the next does not: {error.message}",
+        f"only {number} of {count} vehicles fit {spacing_m:g} m apart: {why}",
         reason=error.reason,
         valid=[f"spacing_m={least_m:g}"] if too_near else [f"count={number}"],
         next_step="choose a larger spacing_m" if too_near else "add fewer, or choose another place or spacing_m",
@@ -195,35 +197,47 @@ def _entries(edit: Edit, scene: Scene, changes: Changes, added: list[int]) -> st
     for key in added:
         start = changes.driven[key].start
         entry = f"{start.speeds_mps[0]:.1f} m/s, from {start.first_step * scene.step_s:.1f} s"
-        late = start.first_step > _asked_step(edit, scene)
+        late = start.first_step > _requested_step(edit, scene)
         words.append(f"{entry} (requested: {edit.time_s:g} s, but the place is not free earlier)" if late else entry)
     if len(set(words)) == 1:
         return words[0]
     return "; ".join(f"{key}: {entry}" for key, entry in zip(added, words, strict=True))
 
 
-def resolve_class(word: str | None) -> VehicleClass:
+def resolve_class(word: str | None, *, on_foot: bool = False) -> VehicleClass:
     """Return the class of vehicle that a word means.
+
+    Args:
+        word: a name of a class in any language of the table, or None.
+        on_foot: whether the edit also takes pedestrians, so that refusals list them.
 
     Raises:
         InvalidRequest: no word.
         UnknownName: no such class.
+        NotPossible: the word means a pedestrian, which is not a vehicle.
     """
     classes = vehicle_classes()
+    names = [*classes, PEDESTRIAN.name] if on_foot else [*classes]
     if word is None:
         raise InvalidRequest(
             "the edit needs a vehicle_class",
-            valid=[*classes, "pedestrian"],
+            valid=names,
             next_step="give one in 'vehicle_class'",
             remedies=[with_values(vehicle_class="car")],
         )
     known = vehicle_class_of(word)
-    if known is not None:
+    if known in classes:
         return classes[known]
+    if known == PEDESTRIAN.name:
+        raise NotPossible(
+            f"'{word}' is a pedestrian, but the edit needs a class of vehicle",
+            valid=names,
+            next_step="choose a class of vehicle, or add a pedestrian with op add_vehicle",
+        )
     if word.strip().lower() not in classes:
         raise UnknownName(
             f"there is no vehicle class '{word}' that can be added",
-            valid=closest(word, [*classes, "pedestrian"]),
+            valid=closest(word, names),
             next_step="give one of these in 'vehicle_class'",
         )
     return classes[word.strip().lower()]
@@ -249,7 +263,7 @@ def _plan(
     else:
         reason = ""
         largest_mps = vehicle_class.maximum_speed_mps
-        speed, refusal = parse_speed(edit.speed, largest_mps), f"a {vehicle_class.name} cannot drive {edit.speed}"
+        speed, refusal = parse_speed(edit.speed, largest_mps), f"a {vehicle_class.name} cannot drive at {edit.speed}"
         check_speed(speed, largest_mps, refusal, "choose another speed or class")
     plan = DrivePlan(
         start=_start(changes.next_id, vehicle_class, scene, place, step, speed),
@@ -260,12 +274,12 @@ def _plan(
         targets=targets,
         behaviour=usual,
         vehicle_class=vehicle_class,
-        manoeuvres=(Manoeuvre(step, speed_mps=0.0),) if _is_to_stand(edit, speed) else (),
+        manoeuvres=(Manoeuvre(step, speed_mps=0.0),) if _stands_until_edited(edit, speed) else (),
     )
     return _Entering(plan, reason, *gaps_in_words(scene, changes, vehicle_class, place, step, speed))
 
 
-def _is_to_stand(edit: Edit, speed_mps: float) -> bool:
+def _stands_until_edited(edit: Edit, speed_mps: float) -> bool:
     """Return True if a vehicle is added to stand until another edit moves it."""
     return edit.speed is not None and speed_mps == 0.0 and not edit.to
 
@@ -273,7 +287,7 @@ def _is_to_stand(edit: Edit, speed_mps: float) -> bool:
 def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place) -> int:
     """Return the step at which the vehicle enters: at once or, with a given departure, as soon as there is room."""
     size = (vehicle_class.length_m, vehicle_class.width_m)
-    first = _asked_step(edit, scene)
+    first = _requested_step(edit, scene)
     if not 0 <= first < scene.last_step:
         raise InvalidRequest(
             f"departure at {first * scene.step_s:.1f} s is not before the scenario's end",
@@ -284,11 +298,19 @@ def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehicl
     steps = range(first, scene.last_step if edit.time_s else first + 1)
     free = (step for step in steps if OccupiedPlaces.at(scene, step, changes).occupant(place, size) is None)
     step = next(free, first)
-    OccupiedPlaces.at(scene, step, changes).check_free(place, size, "choose a free place or another departure")
+    OccupiedPlaces.at(scene, step, changes).check_free(
+        place, size, "choose a free place or another departure", side=_side_of(edit)
+    )
     return step
 
 
-def _asked_step(edit: Edit, scene: Scene) -> int:
+def _side_of(edit: Edit) -> int:
+    """Return 1 if the edit places a vehicle ahead of another one in its lane, -1 if behind it, otherwise 0."""
+    offset_m = edit.gap_s if edit.offset_m is None else edit.offset_m
+    return 0 if not offset_m else 1 if offset_m > 0 else -1
+
+
+def _requested_step(edit: Edit, scene: Scene) -> int:
     """Return the step of the given departure, else of the ego's start, to which relative places refer."""
     if edit.time_s is None:
         return scene.ego.step if scene.ego else 0
@@ -313,7 +335,7 @@ def _add_parked(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehic
     """Park vehicles at a kerb: next to the outermost lane on a side of the road, clear of traffic.
 
     Raises:
-        InvalidRequest: arguments for driving vehicles.
+        InvalidRequest: arguments for driving vehicles are given.
         NotPossible: the place is occupied or belongs to another lane.
     """
     foreign = [name for name in ("to", "preset", "params", "speed", "time_s") if name in edit.given]
@@ -356,7 +378,7 @@ def _add_parked(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehic
     who = ", ".join(map(str, added))
     what = (
         f"{vehicle_class.name} {who} parked at the {side} kerb of lanelet {place.lanelet_id} at "
-        f"{place.station_m:.1f} m, {_PARKED_BESIDE_M:g} m from the lane"
+        f"{place.station_m:.1f} m, {_FROM_LANE_M:g} m from the lane"
     )
     return EditStep(changes, tuple(added), what, added=tuple(added))
 
@@ -370,7 +392,7 @@ def _at_kerb(scene: Scene, place: Place, side: str, vehicle_class: VehicleClass)
     point, heading = place.pose(scene)
     left = np.array([-np.sin(heading), np.cos(heading)])
     offsets = [offset for key in _side_by_side(scene, place.lanelet_id) for offset in _bounds(scene, key, point, left)]
-    half_m = vehicle_class.width_m / 2 + _PARKED_BESIDE_M
+    half_m = vehicle_class.width_m / 2 + _FROM_LANE_M
     aside_m = max(offsets) + half_m if side == "left" else min(offsets) - half_m
     center: Points = point + left * aside_m
     ahead = np.array([np.cos(heading), np.sin(heading)])
@@ -391,12 +413,12 @@ def _at_kerb(scene: Scene, place: Place, side: str, vehicle_class: VehicleClass)
 
 
 def _add_crossing(edit: Edit, scene: Scene, changes: Changes, who: _Crosser) -> EditStep:
-    """Add a pedestrian or cyclist who moves along a footpath or crossing from the place, or there crosses a road.
+    """Add a pedestrian or cyclist who moves along a footpath or crossing from the place, or crosses the road there.
 
     With ``duration_s``, it stands at its start for that time first, where drivers see it.
 
     Raises:
-        InvalidRequest: an argument for vehicles, or an impossible speed or departure.
+        InvalidRequest: an argument for vehicles is given, or the speed or the departure is impossible.
         NotPossible: the road is a motorway, or the place is occupied.
     """
     foreign = [name for name in ("to", "preset", "params", "count", "spacing_m") if name in edit.given]
@@ -411,7 +433,7 @@ def _add_crossing(edit: Edit, scene: Scene, changes: Changes, who: _Crosser) -> 
     check_speed(speed, who.largest_mps, f"a {who.name} cannot {does} at {edit.speed}", "choose a slower speed")
     line, where = _line(edit, scene, changes, stands=speed == 0.0)
     middle = line[[0, -1]].mean(axis=0)
-    first = _asked_step(edit, scene)
+    first = _requested_step(edit, scene)
     trigger = None
     if edit.when is not None:
         if edit.duration_s is not None:
@@ -444,7 +466,7 @@ def _add_crossing(edit: Edit, scene: Scene, changes: Changes, who: _Crosser) -> 
     if waits_s:
         what += f", after standing there for {waits_s:g} s"
     if trigger is not None:
-        what += f"; in reactive runs, once {edit.when} holds for the planner's ego"
+        what += f"; in reactive runs it enters once {edit.when} holds for the planner's ego"
     return EditStep(changes, (track.obstacle_id,), what, added=(track.obstacle_id,))
 
 
@@ -515,7 +537,7 @@ def road_across(scene: Scene, lanelet_id: int, point: Points, heading_rad: float
 
 
 def _side_by_side(scene: Scene, lanelet_id: int) -> list[int]:
-    """Return the lanelets of a road at a place, including oncoming ones."""
+    """Return the lanelets of a road at a place, including oncoming lanelets."""
     row = [lanelet_id]
     for key in row:
         lanelet = scene.network.find_lanelet_by_id(key)
@@ -610,14 +632,14 @@ def _kinds(scene: Scene, lanelet_id: int) -> set[str]:
 
 
 def _users(scene: Scene, lanelet_id: int) -> set[str]:
-    """Return the users that a file lists for a lanelet, for one direction or both; empty if it lists none."""
+    """Return the users that a file lists for a lanelet, for one direction or both; empty if there is no list."""
     lanelet = scene.network.find_lanelet_by_id(lanelet_id)
     return {str(user.value) for user in {*(lanelet.user_one_way or ()), *(lanelet.user_bidirectional or ())}}
 
 
 def remove_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Remove the selected vehicles; the others stay as recorded, and driven ones no longer see them."""
+    """Remove the selected vehicles; the others stay as recorded, and driven vehicles no longer see them."""
     vehicles = select(edit.vehicles, scene, changes)
     for vehicle_id in vehicles:
         changes = changes.without(vehicle_id)
-    return EditStep(changes, vehicles, f"removed {len(vehicles)}: {listed(vehicles, 12)}")
+    return EditStep(changes, vehicles, f"removed {counted(len(vehicles), 'road user')}: {listed(vehicles, 12)}")

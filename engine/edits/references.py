@@ -33,7 +33,7 @@ _TIE = 1e-3
 """Speeds in m/s or distances in m that differ by less are equal for a description."""
 _NAME_A_VEHICLE = "give one of these ids; describe_scenario with detail=vehicles lists them all"
 _NAME_A_LANELET = "give one of these; describe_scenario with detail=lanelets lists them all"
-_MOST_MEANT = 3
+_MOST_CANDIDATES = 3
 """Number of vehicles that are described if a selector matches several (chosen)."""
 _MEAN_ALL = ("id", "new", "all", "class")
 """Selectors that match the same vehicles regardless of exclusions."""
@@ -41,14 +41,15 @@ EGO_WORDS = ("ego", "the ego", "me", "self")
 
 
 def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, ...]:
-    """Return the ids of the vehicles that the selectors match, without excluded ones, ascending.
+    """Return the ids of the vehicles that the selectors match and do not exclude, ascending.
 
-    Vehicles that earlier edits added count like recorded ones; removed ones do not count.
+    Vehicles that earlier edits added count like recorded vehicles; removed vehicles do not count.
 
     Raises:
         InvalidRequest: nothing is selected, or only exclusions are given.
         UnknownName: an id, class or word does not exist.
-        NotPossible: the ego, a removed vehicle, an ambiguous description, or one that fits no vehicle.
+        NotPossible: a selector refers to the ego or a removed vehicle, or a description is ambiguous or fits no
+            vehicle.
     """
     there = scene_for_references(scene, changes)
     if not texts:
@@ -65,8 +66,8 @@ def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, .
             "only exclusions are given", valid=["all", "class:car"], next_step="add a selector that they exclude from"
         )
     excluded = {key for selector in selectors if selector.negated for key in _resolve(selector, there, changes)}
-    meant = {key for selector in wanted for key in _resolve_without(selector, there, excluded, changes)}
-    left = tuple(sorted(meant - excluded))
+    matched = {key for selector in wanted for key in _resolve_without(selector, there, excluded, changes)}
+    left = tuple(sorted(matched - excluded))
     gone = _gone(there, changes) & set(left)
     if gone:
         raise NotPossible(
@@ -117,14 +118,14 @@ def describe_matches(texts: Sequence[str], vehicles: Sequence[int], scene: Scene
     there = scene_for_references(scene, changes)
     lane, step = ego_lane(there, there.ego) if there.ego else None, there.ego.step if there.ego else 0
     named = []
-    for key in vehicles[:_MOST_MEANT]:
+    for key in vehicles[:_MOST_CANDIDATES]:
         track, match = there.tracks[key], there.matches.get(key)
         index = track.index_at(step)
         where = ""
         if lane is not None and index is not None:
             where = f" {lane.where(track, index, match.at(index) if match else None).words}"
         named.append(f"{key} {track.kind}{where}")
-    more = f" and {len(vehicles) - _MOST_MEANT} more" if len(vehicles) > _MOST_MEANT else ""
+    more = f" and {len(vehicles) - _MOST_CANDIDATES} more" if len(vehicles) > _MOST_CANDIDATES else ""
     return f"{', '.join(map(_with_meaning, texts))}: {'; '.join(named)}{more}"
 
 
@@ -142,14 +143,14 @@ def _selector(text: str, scene: Scene) -> Selector:
     body = text.strip().removeprefix("!").lower()
     if body in EGO_WORDS or (scene.ego is not None and body == str(scene.ego.problem_id)):
         raise NotPossible(
-            f"'{text}' is the ego: the planner drives it, and edits of the traffic cannot change it",
+            f"'{text}' is the ego, which the planner drives; edits of the traffic cannot change it",
             next_step="use op set_goal to move the ego's goal, or configure_planner to change how it drives",
         )
     return parse_selector(text)
 
 
 def nearest_ids(wanted: int, known: Sequence[int]) -> list[int]:
-    """Return known ids, ordered by their difference from the wanted one."""
+    """Return known ids, ordered by their difference from the wanted id."""
     return sorted(known, key=lambda key: (abs(key - wanted), key))
 
 
@@ -192,7 +193,7 @@ def _gone(scene: Scene, changes: Changes) -> set[int]:
 def _new(edit: int, changes: Changes) -> tuple[int, ...]:
     if edit >= len(changes.added_by_edit) or not changes.added_by_edit[edit]:
         raise UnknownName(
-            "new:K refers to what edit K of the same call adds, and that edit adds nothing before this one",
+            "new:K selects what edit K of this call adds, so edit K must come earlier and add something",
             valid=[key for added in changes.added_by_edit for key in added],
             next_step="give a vehicle by its id",
         )
@@ -299,7 +300,7 @@ def _fitting(what: str, vehicles: Sequence[int], scene: Scene) -> tuple[int, ...
 
 
 def _first(selector: Selector, tracks: dict[int, Track], count: int, rank: Callable[[Track], float]) -> tuple[int, ...]:
-    """Return the first vehicles by rank; the last one's rank must differ from the next vehicle's."""
+    """Return the first vehicles by rank; the rank of the last must differ from that of the next."""
     order = sorted(tracks, key=lambda key: (rank(tracks[key]), key))
     chosen, bound = order[:count], rank(tracks[order[:count][-1]])
     alike = [key for key in order if abs(rank(tracks[key]) - bound) < _TIE]
@@ -351,10 +352,10 @@ def _resolve_lanelets(text: str, scene: Scene, changes: Changes) -> tuple[int, .
 
 
 def known_lanelet(text: str, scene: Scene) -> int:
-    """Return the drivable lanelet with this id, or that of a SUMO lane (edge, underscore, index).
+    """Return the drivable lanelet with this id, or the lanelet of a SUMO lane (edge, underscore, index).
 
     Raises:
-        UnknownName: no such lanelet or edge; the error lists the nearest ids.
+        UnknownName: there is no such lanelet or edge; the error lists the nearest ids.
     """
     lanes = scene.layout.table.lanes
     if text.isdigit() and int(text) in lanes:
@@ -395,7 +396,7 @@ def route_to(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: s
             f" from lanelet {', '.join(map(str, begin))}: no successors or lane changes lead there",
             valid=nearest,
             next_step="choose a reachable lanelet",
-            remedies=[_toward(wanted[0], key) for key in nearest[:_MOST_MEANT]] if len(wanted) == 1 else [],
+            remedies=[_toward(wanted[0], key) for key in nearest[:_MOST_CANDIDATES]] if len(wanted) == 1 else [],
         )
     return route
 
@@ -422,7 +423,7 @@ def drive_to(scene: Scene, start: int, targets: frozenset[int], who: str, *, is_
         "their lanes",
         valid=nearest,
         next_step="choose a target before or after the junction",
-        remedies=[_toward(key, other) for key in targets for other in nearest[:_MOST_MEANT]],
+        remedies=[_toward(key, other) for key in targets for other in nearest[:_MOST_CANDIDATES]],
     )
 
 

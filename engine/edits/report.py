@@ -15,7 +15,7 @@ from ...schemas.modification import (
     TouchedVehicle,
 )
 from ..commonroad import Track
-from ..cosimulation import DrivePlan, Replay, TakenOverTrack
+from ..cosimulation import DrivePlan, HandoverTrack, Replay
 from ..scene import NOT_DRIVEN, Scene, is_own_recording
 from ..vehicles import Feasibility, Motion, check_drivability, check_kinematics, nearest_class, refused_by_planners
 from .changes import listed
@@ -77,7 +77,7 @@ def outcome_of(
 
 
 def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tuple[EditReport, ...]:
-    """Return one report per edit of this request; those of earlier requests are not repeated.
+    """Return one report per edit of this request; the edits of earlier requests are not reported again.
 
     An edit counts as not done if later edits undo it completely.
     """
@@ -112,14 +112,17 @@ def _values_in_words(values: tuple[Achieved, ...]) -> list[str]:
     """Return the achieved values of an edit as text, for its first vehicles; equal results are merged."""
     vehicles: dict[str, list[int]] = {}
     for one in values[:_MOST_VALUES]:
-        asked = "" if one.asked is None or one.reached else f" (requested: {one.asked:g} {one.unit})"
-        words = f"{one.quantity.replace('_', ' ')} {one.value:.3g} {one.unit}{asked}"
+        requested = "" if one.asked is None or one.reached else f" (requested: {one.asked:g} {one.unit})"
+        words = f"{one.quantity.replace('_', ' ')} {one.value:.3g} {one.unit}{requested}"
         vehicles.setdefault(words, []).append(one.vehicle_id)
-    return [f"{listed(tuple(keys))} {words}" for words, keys in vehicles.items()]
+    by_vehicles: dict[tuple[int, ...], list[str]] = {}
+    for words, keys in vehicles.items():
+        by_vehicles.setdefault(tuple(keys), []).append(words)
+    return [f"{listed(keys)}: {', '.join(words)}" for keys, words in by_vehicles.items()]
 
 
 def _judged(request: ModificationRequest, edited: EditedScene) -> tuple[tuple[TouchedVehicle, ...], int | None]:
-    """Return the touched vehicles and, if both checks were requested, the number on which they agree."""
+    """Return the touched vehicles, and on how many of them the checks agree; None if one check was requested."""
     screened = _touched_vehicles(edited, check_kinematics)
     if request.detail == "brief":
         return screened, None
@@ -143,7 +146,7 @@ def _touched_vehicles(edited: EditedScene, check: Callable[..., Feasibility]) ->
         for key, track in result.tracks.items()
     }
     for key in result.tracks:
-        stood_s = None if key in edited.told_speeds else stood_until_s(edited, key)
+        stood_s = None if key in edited.ordered_speeds else stood_until_s(edited, key)
         if stood_s is not None:
             driven[key] = driven[key].model_copy(update={"stood_until_s": round(stood_s, 3)})
     for key in edited.driven_shifts:
@@ -180,7 +183,7 @@ def _given(scene: Scene, replay: Replay, check: Callable[..., Feasibility]) -> T
     )
 
 
-def _touched(scene: Scene, plan: DrivePlan, track: TakenOverTrack, verdict: Feasibility) -> TouchedVehicle:
+def _touched(scene: Scene, plan: DrivePlan, track: HandoverTrack, verdict: Feasibility) -> TouchedVehicle:
     speeds, positions = track.speeds_mps, track.positions
     moved = np.linalg.norm(np.diff(positions[:2], axis=0), axis=1)[0]
     recorded = plan.cause != "added"
@@ -198,7 +201,7 @@ def _touched(scene: Scene, plan: DrivePlan, track: TakenOverTrack, verdict: Feas
     )
 
 
-def _moved_m(track: TakenOverTrack, recorded: Track) -> float:
+def _moved_m(track: HandoverTrack, recorded: Track) -> float:
     """Return the largest distance in m between two tracks at the same steps."""
     first = max(track.first_step, recorded.first_step)
     ours, theirs = track.positions[first - track.first_step :], recorded.positions[first - recorded.first_step :]

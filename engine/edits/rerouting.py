@@ -66,7 +66,7 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
     """Return the plan from the vehicle's matched lanelet, or from an overlapping one that leads to the target sooner.
 
-    As a last resort, it starts on its own lanelet with a lane change inside a junction, which SUMO does not simulate: a
+    As a last resort, it starts on its own lanelet with a lane change inside a junction, which SUMO does not simulate. A
     vehicle that is so near may be handed over into the adjacent lane; otherwise it is refused after the simulation.
 
     Raises:
@@ -110,7 +110,7 @@ def _other_starts(scene: Scene, plan: DrivePlan) -> tuple[int, ...]:
 def _is_in_time(scene: Scene, plan: DrivePlan) -> bool:
     """Return True if a vehicle at the fastest lane's speed, or its own, completes a route before the scenario ends.
 
-    A vehicle whose speed earlier edits limit drives no faster than these limits, or than at its start.
+    If earlier edits limit the vehicle's speed, it drives no faster than these limits, or than at its start.
 
     A vehicle that has passed its turn drives around the block to return, which is useless if the scenario ends first.
     """
@@ -205,7 +205,7 @@ class _Branch:
         """Return a description of the branch, for an error that lists it."""
         side = "left" if self.turn_rad > 0 else "right"
         how = self.turn or f"slightly {side}"
-        return f"{how} ({math.degrees(abs(self.turn_rad)):.0f}° {side}) on lanelet {self.lanelets[0]}"
+        return f"{how} ({math.degrees(abs(self.turn_rad)):.0f}°) on lanelet {self.lanelets[0]}"
 
 
 def _branches_at_next_fork(scene: Scene, start: int) -> tuple[_Branch, ...]:
@@ -238,15 +238,13 @@ def branch_for(scene: Scene, start: int, turn: str, who: str) -> _Branch:
         )
     fitting = [branch for branch in branches if branch.turn == turn]
     if not fitting:
-        possible = dict.fromkeys(branch.turn for branch in branches if branch.turn)
+        side = {"left": 1.0, "right": -1.0}.get(turn, 0.0)
+        alike = sorted((one for one in branches if one.turn_rad * side > 0), key=lambda one: -abs(one.turn_rad))
         raise NotPossible(
             f"{who} cannot go {turn} at the next fork",
             valid=branches,
             next_step="choose one of these",
-            remedies=[
-                *(with_values(turn=word) for word in possible),
-                *(with_values(turn=None, to=[str(branch.lanelets[-1])]) for branch in branches),
-            ],
+            remedies=[with_values(turn=None, to=[str(one.lanelets[-1])]) for one in alike],  # not the opposite turn
         )
     sign = {"left": -1.0, "right": 1.0}.get(turn)
     rank = (lambda branch: abs(branch.turn_rad)) if sign is None else (lambda branch: sign * branch.turn_rad)
@@ -301,12 +299,12 @@ def _check_lane_changes(scene: Scene, plan: DrivePlan, route: tuple[int, ...], w
     left_m = -_way_along_m(lanes[route[0]].center, plan.start.front_at(index))
     place = 0
     while place < len(route):
-        end = _last_beside(scene, route, place)
+        end = _last_parallel(scene, route, place)
         left_m += lanes[route[place]].length_m
         needed_m = min(
             speed_mps**2 / (2 * hardest_braking_mps2(scene.friction)), speed_mps * LANE_CHANGE_S * (end - place)
         )
-        needed_m = max(needed_m, _least_way_over_m(scene, route[place : end + 1]))
+        needed_m = max(needed_m, _shortest_crossing_m(scene, route[place : end + 1]))
         room_m, wrong, right = _last_place(scene, route, place, end, in_junctions=in_junctions)
         if end > place and left_m + room_m < needed_m:
             raise NotPossible(
@@ -323,14 +321,14 @@ def _way_along_m(line: Points, front: Points) -> float:
     return station_m if station_m < total_m else total_m + float(np.linalg.norm(front - line[-1]))
 
 
-def _least_way_over_m(scene: Scene, row: tuple[int, ...]) -> float:
-    """Return the shortest distance in which a vehicle gets from the first of adjacent lanes to the last one's edge."""
+def _shortest_crossing_m(scene: Scene, row: tuple[int, ...]) -> float:
+    """Return the shortest distance in which a vehicle crosses from its lane's centre to the last lane's edge."""
     first_m, *between_m = (scene.layout.table.lanes[key].width_m for key in row)
     return (first_m / 2 + sum(between_m[:-1])) / _STEEPEST
 
 
-def _last_beside(scene: Scene, route: tuple[int, ...], place: int) -> int:
-    """Return the index of the last lanelet in the lane changes that start at an index, or that index if none do."""
+def _last_parallel(scene: Scene, route: tuple[int, ...], place: int) -> int:
+    """Return the index of the last lanelet in the lane changes that start at an index, or that index itself."""
     neighbours = scene.lanelet_graph.neighbours
     while place + 1 < len(route) and route[place + 1] in neighbours.get(route[place], ()):
         place += 1
@@ -340,7 +338,7 @@ def _last_beside(scene: Scene, route: tuple[int, ...], place: int) -> int:
 def _last_place(
     scene: Scene, route: tuple[int, ...], place: int, end: int, *, in_junctions: bool
 ) -> tuple[float, int, int]:
-    """Return how far (m) the lane change remains possible, and the last pair of lanes: the wrong one, the route's.
+    """Return how far (m) the lane change remains possible, and the last pair of lanes: the wrong lane, the route's.
 
     The two lanes may continue side by side beyond their ends. Lanes inside a junction count only for a vehicle that is
     already inside one, or for all vehicles if ``in_junctions``.
@@ -348,7 +346,9 @@ def _last_place(
     lanes, inside = scene.layout.table.lanes, scene.layout.interior.lanelets
     last, more_m, wrong = (0.0, route[place], route[end]), 0.0, route[place]
     for onward in route[end + 1 :]:
-        straight = scene.lanelet_graph.beside([onward]).intersection(scene.layout.table.successors[wrong]) - {onward}
+        straight = scene.lanelet_graph.parallel_lanes([onward]).intersection(scene.layout.table.successors[wrong]) - {
+            onward
+        }
         if not straight:
             break
         wrong = min(straight)
@@ -359,15 +359,15 @@ def _last_place(
 
 
 def _junction_lane_change(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: str) -> JunctionLaneChange | None:
-    """Return how a vehicle changes lanes inside a junction at the start of its route; None if it does not.
+    """Return a vehicle's lane change inside a junction at the start of its route, or None if there is none.
 
-    It moves sideways along a smooth step, 3p² - 2p³ after the share p of the length. The path is at most 1.5 times as
-    steep as on average, and the lateral acceleration is at most 6 v² · aside / length².
+    The vehicle moves sideways along a smooth step, 3p² - 2p³ after the share p of the length. The path is at most 1.5
+    times as steep as on average, and the lateral acceleration is at most 6 v² · aside / length².
 
     Raises:
-        NotPossible: it is too near the end of its lanelet for that, or too fast.
+        NotPossible: the vehicle is too near the end of its lanelet for that, or too fast.
     """
-    end = _last_beside(scene, route, 0)
+    end = _last_parallel(scene, route, 0)
     if end == 0 or route[0] in scene.layout.lane_of:
         return None
     index, lanes = plan.from_step - plan.start.first_step, scene.layout.table.lanes

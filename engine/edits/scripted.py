@@ -54,7 +54,7 @@ _SWERVE_M, _SWERVE_HOLD_S = 1.0, 1.0
 """By default a swerve goes this far to the side and stays there this long (chosen)."""
 _EASY_MPS2, _HARDEST_MPS2 = 2.0, 6.0
 """A cut-in starts as soon as its preparation needs at most the first; above the second it is refused."""
-_BESIDE_M = (1.8, 6.0)
+_NEXT_LANE_M = (1.8, 6.0)
 """Lateral distance of a vehicle in the next lane from a path (chosen): half a lane to one and a half lanes."""
 _TRIED_S = 0.2
 """Start times of a cut-in are tried at this interval (chosen)."""
@@ -207,7 +207,7 @@ class _Path:
 
 
 def _thinned(points: Points) -> Points:
-    """Drop points of a path that are less than half a metre from the previous one."""
+    """Drop points of a path that are less than half a metre from the previous point."""
     kept = [points[0]]
     for point in points[1:]:
         if float(np.linalg.norm(point - kept[-1])) >= 0.5:
@@ -296,9 +296,9 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
         base = motion[0]
         step, trigger = _begin_of(edit, scene, changes, base)
         now_mps = float(base.speeds_mps[step - base.first_step])
-        wanted = wanted_speed(edit.speed or "", now_mps)
+        wanted = requested_speed(edit.speed or "", now_mps)
         check_speed(
-            wanted, class_of(base.kind).maximum_speed_mps, f"a {base.kind} cannot drive {edit.speed}", "go slower"
+            wanted, class_of(base.kind).maximum_speed_mps, f"a {base.kind} cannot drive at {edit.speed}", "go slower"
         )
         part = ScriptPart(step, (SpeedAct(step, wanted, rate),), trigger)
         changes, _, track = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge), motion=motion)
@@ -320,11 +320,11 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
 
     when = _since(edit, made, scene.step_s)
     speed = ", ".join(f"{wanted:.1f} m/s" for _, wanted, _ in list(made.values())[:3])
-    what = f"{named_vehicles(vehicles)} brought to {speed} at {rate:g} m/s²{when}, prescribed"
+    what = f"{named_vehicles(vehicles)} brought to {speed} at a prescribed {rate:g} m/s²{when}"
     return EditStep(changes, vehicles, what, measure=measured)
 
 
-def wanted_speed(text: str, now_mps: float) -> float:
+def requested_speed(text: str, now_mps: float) -> float:
     """Return the speed in m/s that a text states; with +, - or % it is relative to the current speed.
 
     Raises:
@@ -352,7 +352,7 @@ TIME_GAP_MISSED, LINE_MISSED, RED_MISSED = "gap to a standing vehicle", "lines c
 def achieved(
     key: int, quantity: str, asked: float | None, value: float, unit: str, *, reached: bool | None = None
 ) -> Achieved:
-    """Return a measured value with the requested one, which counts as reached within a tenth by default."""
+    """Return a measured value with the requested value, which counts as reached within a tenth by default."""
     if reached is None:
         reached = asked is None or abs(value - asked) <= _VALUE_SHARE * max(abs(asked), 0.5)
     rounded = None if asked is None else round(asked, 3)
@@ -372,7 +372,7 @@ def scripted_lane_change(edit: Edit, scene: Scene, changes: Changes, vehicles: I
         changes, before, _ = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge), motion=motion)
         made[vehicle_id] = step, aside_m, before
     when = _since(edit, made, scene.step_s)
-    what = f"{named_vehicles(vehicles)} moved one lane to the {edit.lane} within {duration_s:g} s{when}, prescribed"
+    what = f"{named_vehicles(vehicles)} moved one lane to the {edit.lane} within a prescribed {duration_s:g} s{when}"
     return EditStep(changes, vehicles, what, measure=lambda edited: _asides(edited, made))
 
 
@@ -384,7 +384,7 @@ def _asides(edited: EditedScene, made: dict[int, tuple[int, float, Track]]) -> t
             continue
         track = edited.changes.replays[key].track
         reached_m = _largest_aside(before, track, step, aside_m)
-        found.append(achieved(key, "aside", abs(aside_m), reached_m, "m"))
+        found.append(achieved(key, "lateral_shift", abs(aside_m), reached_m, "m"))
     return tuple(found)
 
 
@@ -408,11 +408,12 @@ def _aside_to_lane(scene: Scene, track: Track, step: int, side: str) -> float:
     neighbour = None if here is None else (lanes[here].left if side == "left" else lanes[here].right)
     if neighbour is None or neighbour not in lanes:
         other = {"left": "right", "right": "left"}[side]
+        opposite = None if here is None else (lanes[here].left if other == "left" else lanes[here].right)
         raise NotPossible(
-            f"vehicle {track.obstacle_id} has no lane in its direction on its {side} on lanelet {here}",
-            valid=[f"lane={other}", "another time_s"],
+            f"on lanelet {here}, vehicle {track.obstacle_id} has no lane in its direction to its {side}",
+            valid=[*([f"lane={other}"] if opposite in lanes else []), "another time_s"],
             next_step="choose another time or another lane",
-            remedies=[with_values(lane=other)],
+            remedies=[],  # the other side is not what was requested
         )
     return -project(lanes[neighbour].center, track.positions[index])[1]
 
@@ -493,7 +494,7 @@ def cut_in(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         return _cut_in_achieved(edited, key, other, path, found, gap_s)
 
     moment_s = found.last * scene.step_s
-    what = f"vehicle {key} cuts in ahead of {who}, over at {moment_s:.1f} s within {lateral_s:g} s"
+    what = f"vehicle {key} cuts in ahead of {who}, moving over from {moment_s - lateral_s:.1f} to {moment_s:.1f} s"
     return EditStep(changes, (key,), what, measure=measured)
 
 
@@ -527,15 +528,15 @@ def _check_next_lane(scene: Scene, base: Track, path: _Path, first: int, who: st
     station, aside = project(path.line, base.positions[index])
     along = point_at(path.line, station)[1]
     turned = abs(wrap_angle(float(base.headings_rad[index]) - along))
-    low, high = _BESIDE_M
+    low, high = _NEXT_LANE_M
     if low <= abs(aside) <= high and turned < math.radians(45.0):
         return
-    where = "heads elsewhere" if turned >= math.radians(45.0) else f"is {abs(aside):.1f} m to the side of its path"
+    where = "heads elsewhere" if turned >= math.radians(45.0) else f"is {abs(aside):.1f} m from the path of {who}"
     fitting = [
         key for key in scene.tracks if key != base.obstacle_id and _is_in_next_lane(scene.tracks[key], path, first)
     ]
     raise NotPossible(
-        f"vehicle {base.obstacle_id} cannot cut in on {who}: it {where}, not in the next lane",
+        f"vehicle {base.obstacle_id} cannot cut in on {who}: it is not in the next lane, but {where}",
         valid=[f"vehicles=['{key}']" for key in fitting]
         or ["add_vehicle with lane=left or right, then vehicles=new:0"],
         next_step="choose a vehicle in the next lane, or add one there",
@@ -548,7 +549,7 @@ def _is_in_next_lane(track: Track, path: _Path, step: int) -> bool:
         return False
     station, aside = project(path.line, track.positions[index])
     turned = abs(wrap_angle(float(track.headings_rad[index]) - point_at(path.line, station)[1]))
-    return _BESIDE_M[0] <= abs(aside) <= _BESIDE_M[1] and turned < math.radians(45.0)
+    return _NEXT_LANE_M[0] <= abs(aside) <= _NEXT_LANE_M[1] and turned < math.radians(45.0)
 
 
 def _cut_in_motion(
@@ -617,7 +618,7 @@ def _prepared(
 ) -> _CutIn | None:
     step_s, at = scene.step_s, end - other.first_step
     other_mps = float(other.speeds_mps[at])
-    final_mps = other_mps if edit.speed is None else wanted_speed(edit.speed, other_mps)
+    final_mps = other_mps if edit.speed is None else requested_speed(edit.speed, other_mps)
     goal = float(path.stations[at]) + gap_s * other_mps + (base.length_m + other.length_m) / 2
     taken_s = (end - first) * step_s
     distance = goal - x0
@@ -723,7 +724,7 @@ def _added_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     table = scene.layout.table
     usual_mps, largest_mps = scene.lane_speeds_mps[place.lanelet_id] * 0.8, vehicle_class.maximum_speed_mps
     speed = usual_mps if edit.speed is None else parse_speed(edit.speed, largest_mps)
-    check_speed(speed, largest_mps, f"a {vehicle_class.name} cannot drive {edit.speed}", "choose a lower speed")
+    check_speed(speed, largest_mps, f"a {vehicle_class.name} cannot drive at {edit.speed}", "choose a lower speed")
     chain = [place.lanelet_id]
     while sum(table.lanes[key].length_m for key in chain) < _LOOK_M:
         before = [key for key in table.predecessors[chain[-1]] if key not in chain]

@@ -17,13 +17,13 @@ from ..cosimulation import (
     DrivenTrack,
     DrivePlan,
     Halt,
+    HandoverTrack,
     SimulationSetup,
-    TakenOverTrack,
     all_actors,
+    handover_track,
     not_drivable,
     recorded_plan,
     resimulate,
-    taken_over_track,
 )
 from ..geometry import Points, arc_length, project, rectangles_overlap
 from ..scene import Scene
@@ -54,14 +54,13 @@ class Simulation:
     setup: SimulationSetup
 
     def until_clear(self, shown: tuple[Actor, ...], *, all_react: bool) -> SimulationResult:
-        """Simulate, hand over the vehicles that a driven one hits, and simulate again, at most eight more rounds.
+        """Simulate, hand over the vehicles that a driven vehicle hits, and simulate again, at most eight more rounds.
 
         If all vehicles that are hit are already driven, one of them gives way, as long as that leaves fewer collisions.
 
         Args:
-            shown: further road users (the ego) that the driven vehicles see, but whose collisions do not count. They
-                are replayed, unless a collision remains and they drive through a driven vehicle: then they are driven
-                too.
+            shown: further road users (the ego) that the driven vehicles see. Their collisions do not count. They are
+                replayed, unless a collision remains and they drive through a driven vehicle: then they are driven too.
             all_react: hand over all vehicles at their first step.
         """
         plans = dict(sorted({**(self._all_handed_over() if all_react else {}), **self.changes.driven}.items()))
@@ -70,7 +69,7 @@ class Simulation:
         for _ in range(_ROUNDS):
             more, reacting = self._handed_over(plans, result.overlaps), self._reacting(shown, result)
             if not more and reacting is None:
-                more = self._giving_way(result)
+                more = self._plans_giving_way(result)
                 if not more:
                     break
             shown = reacting or shown
@@ -93,11 +92,11 @@ class Simulation:
     def _round(self, plans: Mapping[int, DrivePlan], shown: tuple[Actor, ...]) -> SimulationResult:
         scene, removed, replays = self.scene, self.changes.removed, self.changes.replays
         driven = resimulate(self.setup, (*all_actors(scene, plans, removed, replays.values()), *shown))
-        tracks: dict[int, TakenOverTrack] = {}
+        tracks: dict[int, HandoverTrack] = {}
         for key, plan in plans.items():
-            seen = driven.get(key) or self._gone_at_once(plan)
+            seen = driven.get(key) or self._track_outside_network(plan)
             over_m = plan.junction_lane_change.within_m if plan.junction_lane_change else None
-            track = None if seen is None else taken_over_track(plan.start, seen, scene.step_s, scene.last_step, over_m)
+            track = None if seen is None else handover_track(plan.start, seen, scene.step_s, scene.last_step, over_m)
             if track is not None:
                 tracks[key] = track
         overlaps = self._new_overlaps({key: track.whole(plans[key].start) for key, track in tracks.items()})
@@ -121,7 +120,7 @@ class Simulation:
         others += [replace(region.track, obstacle_id=region.obstacle_id) for region in regions]
         return new_overlaps([*moved, *tracks.values()], others, recorded, self.changes.shifts)
 
-    def _gone_at_once(self, plan: DrivePlan) -> DrivenTrack | None:
+    def _track_outside_network(self, plan: DrivePlan) -> DrivenTrack | None:
         """Return the track of a vehicle that never appeared in SUMO because its bumper is beyond the network's end."""
         table = self.scene.layout.table
         index = plan.from_step - plan.start.first_step
@@ -134,7 +133,7 @@ class Simulation:
         return DrivenTrack(plan.from_step, front[None], (), leaves=True)
 
     def _handed_over(self, plans: Mapping[int, DrivePlan], overlaps: tuple[Overlap, ...]) -> dict[int, DrivePlan]:
-        """Return plans for replayed vehicles that are hit, and earlier hand-overs where one came too late."""
+        """Return plans, by vehicle id, for replayed vehicles that are hit, and earlier hand-overs if needed."""
         scene, more = self.scene, dict[int, DrivePlan]()
         for hit in overlaps:
             for key in (hit.first, hit.second):
@@ -157,25 +156,27 @@ class Simulation:
     def _reaction_steps(self) -> int:
         return round(HAND_OVER_S / self.scene.step_s)
 
-    def _giving_way(self, result: SimulationResult) -> dict[int, DrivePlan]:
-        """Return plans that give way, except for vehicles that enter on top of another: such entries are refused."""
-        overlaps = tuple(hit for hit in result.overlaps if not self._is_taken_place(result.plans, hit))
+    def _plans_giving_way(self, result: SimulationResult) -> dict[int, DrivePlan]:
+        """Return plans that give way, by vehicle id; vehicles that enter on top of another are left out and refused."""
+        overlaps = tuple(hit for hit in result.overlaps if not self._is_at_entry(result.plans, hit))
         if not overlaps:
             return {}
         road_users = EditedScene(self.scene, self.changes, result).road_users
         hardest = hardest_braking_mps2(self.scene.friction)
         return plans_giving_way(result.plans, result.tracks, road_users, overlaps, hardest)
 
-    def _is_taken_place(self, plans: Mapping[int, DrivePlan], hit: Overlap) -> bool:
+    def _is_at_entry(self, plans: Mapping[int, DrivePlan], hit: Overlap) -> bool:
         entering = {key: plan.from_step for key, plan in plans.items() if plan.cause == "added"}
         entering |= {key: replay.track.first_step for key, replay in self.changes.replays.items()}
         return hit.step in (entering.get(hit.first), entering.get(hit.second))
 
     def _reacting(self, shown: tuple[Actor, ...], result: SimulationResult) -> tuple[Actor, ...] | None:
-        """Return shown road users, driven from before they pass through a driven vehicle; None if none of them does.
+        """Return the shown road users; SUMO drives those that would pass through a driven vehicle, from before they do.
+
+        The result is None if no shown road user passes through a driven vehicle.
 
         SUMO keeps its order of the vehicles on a lane even if one is placed through another. Vehicles behind then see
-        the placed vehicle as their leader instead of the one that it passed through, and hit the latter.
+        the placed vehicle as their leader instead of the vehicle that it passed through, which they then hit.
         """
         if not result.overlaps or any(plan.gives_way for plan in result.plans.values()):
             return None
@@ -199,7 +200,7 @@ class _Wait:
 
 def plans_giving_way(
     plans: Mapping[int, DrivePlan],
-    tracks: Mapping[int, TakenOverTrack],
+    tracks: Mapping[int, HandoverTrack],
     road_users: Mapping[int, Track],
     overlaps: Iterable[Overlap],
     hardest_mps2: float = HARDEST_BRAKING_MPS2,
@@ -232,13 +233,13 @@ def plans_giving_way(
     return waiting
 
 
-def _wait(plan: DrivePlan, track: TakenOverTrack, other: Track, hit_step: int, hardest_mps2: float) -> _Wait | None:
-    """Return how a vehicle waits until another has left the conflict area; None if it cannot stop in time.
+def _wait(plan: DrivePlan, track: HandoverTrack, other: Track, hit_step: int, hardest_mps2: float) -> _Wait | None:
+    """Return how and where a vehicle waits for another to leave the conflict area; None if it cannot stop in time.
 
     It does not react before the other vehicle has entered.
     """
     in_the_way, roomy_m = (
-        _in_the_way(other, hit_step),
+        _occupied_places(other, hit_step),
         (track.length_m + _CLEAR_LENGTH_M, track.width_m + _CLEAR_WIDTH_M),
     )
     index, gone = hit_step - track.first_step, hit_step
@@ -259,7 +260,7 @@ def _wait(plan: DrivePlan, track: TakenOverTrack, other: Track, hit_step: int, h
     return _Wait(plan, Halt(from_step, gone + _AFTER_STEPS, rolled_m), track.first_step + index)
 
 
-def _in_the_way(track: Track, from_step: int) -> list[tuple[int, Points]]:
+def _occupied_places(track: Track, from_step: int) -> list[tuple[int, Points]]:
     """Return a road user's places after a step, each with its corners and the last step at which it is occupied."""
     places: list[tuple[int, int]] = []
     for index in range(max(from_step - track.first_step, 0), len(track.positions)):

@@ -46,7 +46,7 @@ from .changes import (
 )
 from .edited_scene import EditedScene
 from .references import nearest_ids, select
-from .scripted import achieved, is_relative, motion_of, scripted_lane_change, scripted_speed, wanted_speed
+from .scripted import achieved, is_relative, motion_of, requested_speed, scripted_lane_change, scripted_speed
 
 _NEAR_SHARE = 0.02
 """A mean speed is reached within this share of it (chosen)."""
@@ -110,7 +110,7 @@ def _adjacent_lanes(scene: Scene, lanelets: Iterable[int], side: str) -> list[in
 
 
 def _with_route_of_lane(scene: Scene, plan: DrivePlan, here: tuple[int, ...], lane: int) -> DrivePlan:
-    """Return the unchanged plan if the new lane leads along it, else one that continues in the new lane."""
+    """Return the unchanged plan if the new lane leads along it, else a plan that continues in the new lane."""
     edge = scene.layout.lane_of.get(lane, ("", 0))[0]
     if edge not in plan.edges or _leads_on(scene, plan, lane, edge):
         return plan
@@ -135,15 +135,12 @@ def _no_such_lane(edit: Edit, scene: Scene, plan: DrivePlan, here: int) -> NotPo
     other = {"left": "right", "right": "left"}[str(edit.lane)]
     there = [f"lane={other}"] if _adjacent_lanes(scene, [here], other) else []
     later = [f"on lanelet {key}" for key in plan.lanelets if _adjacent_lanes(scene, [key], str(edit.lane))]
-    times = {lane: _first_time_with_lane(scene, plan.start.obstacle_id, lane) for lane in (str(edit.lane), other)}
+    time_s = _first_time_with_lane(scene, plan.start.obstacle_id, str(edit.lane))
     return NotPossible(
-        f"vehicle {plan.start.obstacle_id} has no lane in its direction on its {edit.lane} on lanelet {here}",
+        f"on lanelet {here}, vehicle {plan.start.obstacle_id} has no lane in its direction to its {edit.lane}",
         valid=[*there, *later],
         next_step="choose another time or another lane",
-        remedies=[
-            *([with_values(lane=other)] if there else []),
-            *(with_values(lane=lane, time_s=time_s) for lane, time_s in times.items() if time_s is not None),
-        ],
+        remedies=[] if time_s is None else [with_values(time_s=time_s)],  # the other side is not what was requested
     )
 
 
@@ -163,7 +160,7 @@ def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     They accelerate and brake within their own limits; 0 stops them.
 
     Raises:
-        InvalidRequest: no speed or an impossible one is given, or a vehicle is absent at that time.
+        InvalidRequest: no speed or an impossible speed is given, or a vehicle is absent at that time.
         NotPossible: a vehicle cannot be driven.
     """
     if edit.speed is None:
@@ -181,7 +178,7 @@ def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         kind = plan.start.kind
         largest_mps = class_of(kind).maximum_speed_mps
         wanted = parse_speed(edit.speed, largest_mps)
-        check_speed(wanted, largest_mps, f"a {kind} cannot drive {edit.speed}", "choose another speed")
+        check_speed(wanted, largest_mps, f"a {kind} cannot drive at {edit.speed}", "choose another speed")
         changes = changes.with_plan(_with_manoeuvre(plan, Manoeuvre(step, speed_mps=wanted)))
         speeds[vehicle_id] = (wanted, step)
     when = "" if edit.time_s is None else f" from {edit.time_s:g} s"
@@ -200,7 +197,7 @@ def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[
             motion = as_ordered or motion
         plan, step = _plan_from(scene, changes, vehicle_id, edit.time_s)
         now = motion.speeds_mps[step - motion.first_step :]
-        wanted = np.array([wanted_speed(text, float(speed)) if speed > STANDING_MPS else 0.0 for speed in now])
+        wanted = np.array([requested_speed(text, float(speed)) if speed > STANDING_MPS else 0.0 for speed in now])
         check_speed(
             float(wanted.min() if wanted.min() < 0.0 else wanted.max()),
             class_of(motion.kind).maximum_speed_mps,
@@ -241,9 +238,9 @@ def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[
 
     when = "" if edit.time_s is None else f" from {edit.time_s:g} s"
     what = (
-        f"{named_vehicles(vehicles)} driven at {text} of the previous speed{when}"
-        if "%" in text
-        else (f"{named_vehicles(vehicles)} driven {text} relative to the previous speed{when}")
+        f"{named_vehicles(vehicles)} driven with the previous speed changed by {text}{when}"
+        if text[:1] in ("+", "-")
+        else f"{named_vehicles(vehicles)} driven at {text} of the previous speed{when}"
     )
     return EditStep(changes, vehicles, what, since=since, measure=measured)
 
@@ -267,7 +264,7 @@ def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     The motion itself stays as recorded, unless the vehicle would hit another one: then it is handed over to SUMO.
 
     Raises:
-        InvalidRequest: no time, or one that leaves nothing of a recording.
+        InvalidRequest: no time is given, or it leaves nothing of a recording.
         NotPossible: a vehicle was added, is driven by an earlier edit, or has no trajectory.
     """
     steps = 0 if edit.time_s is None else round(edit.time_s / scene.step_s)
@@ -288,7 +285,7 @@ def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             raise _nothing_left(recording, total, scene)
         changes = changes.with_replay(Replay(track, scene.matcher.match(track), recording, total))
     how = f"{abs(steps) * scene.step_s:g} s {'later' if steps > 0 else 'earlier'}"
-    return EditStep(changes, vehicles, f"{named_vehicles(vehicles)} {how} than recorded")
+    return EditStep(changes, vehicles, f"{named_vehicles(vehicles)} moved to {how} than recorded")
 
 
 def _check(scene: Scene, changes: Changes, vehicle_id: int) -> None:
@@ -329,8 +326,8 @@ def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     parameter sets it.
 
     Raises:
-        InvalidRequest: neither preset nor parameters, or a value out of range.
-        UnknownName: no such preset or parameter.
+        InvalidRequest: neither a preset nor parameters are given, or a value is out of range.
+        UnknownName: there is no such preset or parameter.
     """
     if edit.preset is None and not edit.params:
         raise InvalidRequest(

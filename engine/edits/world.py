@@ -1,7 +1,7 @@
 """Edits S, of the scene itself: crop it in time or space, mirror it, or change its lights and weather.
 
-These change a whole file, not single elements. The edits before such an edit are applied first; those after it start
-from its result. Lengths are in m; times count from the scenario's start.
+These change a whole file, not single elements. The edits before them are applied first; the edits after them start from
+their result. Lengths are in m; times count from the scenario's start.
 """
 
 import math
@@ -17,7 +17,7 @@ from ...schemas.errors import LANELETS_LISTED, InvalidRequest, NotPossible, Reme
 from ...schemas.generation import WEATHER_WORDS, WEATHERS, Weather
 from ...schemas.grammar import parse_assignment
 from ...schemas.modification import Edit, EditOperation
-from ...schemas.text import quoted
+from ...schemas.text import counted, quoted
 from ...schemas.vocabulary import LEAST_FRICTION, MOST_FRICTION, ROAD_FRICTIONS, WEATHER_ROADS
 from ..commonroad import Track, set_friction, without_scripts
 from ..geometry import oriented_rectangle, point_at
@@ -70,7 +70,7 @@ def transformed(edit: Edit, xml: Path, scene: Scene, drive: Callable[[], Track |
 
 
 def _mirror(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
-    """Mirror a scene at the east-west axis: left becomes right, and traffic drives on the opposite side."""
+    """Mirror a scene at the east-west axis, so that left becomes right; return what was done as text."""
     for tag in ("point", "center"):
         for point in root.iter(tag):
             _negate(point.find("y"))
@@ -89,7 +89,7 @@ def _mirror(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track 
     _invert_left_of(root)
     for place in root.iter("geoTransformation"):
         place.getparent().remove(place)  # type: ignore[union-attr]
-    return "mirrored: left is now right, and traffic drives on the other side; the geographic location was removed"
+    return "left is now right, and traffic drives on the other side; the geographic location was removed"
 
 
 def _negate(element: _Element | None) -> None:
@@ -147,7 +147,7 @@ def _invert_left_of(root: _Element) -> None:
 
 
 def _crop(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:
-    """Keep a time span, an area, or both."""
+    """Keep a time span, an area, or both; return what was done as text."""
     words = []
     if edit.time_s is None and edit.duration_s is None and edit.rectangle_m is None:
         raise InvalidRequest(
@@ -183,7 +183,7 @@ def _crop_time(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
         _shift_light(light, begin)
     moved = _shift_problems(root, scene, drive, begin)
     seconds = f"{begin * scene.step_s:g} to {end * scene.step_s:g} s"
-    return f"cut to {seconds}, now counted from 0; removed {gone} road users outside that time{moved}"
+    return f"cut to {seconds}, now counted from 0; {counted(gone, 'road user')} outside that time removed{moved}"
 
 
 def _keeps_states(obstacle: _Element, begin: int, end: int) -> bool:
@@ -246,7 +246,7 @@ def _shift_light(light: _Element, begin: int) -> None:
 
 
 def _shift_problems(root: _Element, scene: Scene, drive: Callable[[], Track | None], begin: int) -> str:
-    """Count the egos' times from a step; an ego that starts earlier is put where it would be at that step."""
+    """Count the egos' times from a step and return a note; an ego that starts earlier is put where it would be then."""
     words = ""
     for problem in root.iterchildren("planningProblem"):
         initial = problem.find("initialState")
@@ -303,7 +303,7 @@ def _larger_rectangles(sizes: list[float]) -> list[Remedy]:
 
 
 def _crop_place(edit: Edit, root: _Element, scene: Scene) -> str:
-    """Keep the lanelets that a rectangle touches, and the road users while they are in it."""
+    """Keep the lanelets that a rectangle touches, and the road users while they are in it; return a note."""
     import shapely
 
     sizes = edit.rectangle_m or []
@@ -328,8 +328,8 @@ def _crop_place(edit: Edit, root: _Element, scene: Scene) -> str:
         inside = [box.contains(shapely.Point(float(s.findtext("x", "0")), float(s.findtext("y", "0")))) for s in spots]
         if goals or not all(inside):
             raise NotPossible(
-                f"the start or the goal of planning problem {problem.get('id')} is outside the {sizes[0]:g} m by "
-                f"{sizes[1]:g} m",
+                f"the start or the goal of planning problem {problem.get('id')} is outside the rectangle of "
+                f"{sizes[0]:g} m by {sizes[1]:g} m",
                 valid=["a larger rectangle_m", "set_goal first"],
                 next_step="choose a larger rectangle_m, or move the goal first",
                 remedies=_larger_rectangles(sizes),
@@ -341,7 +341,7 @@ def _crop_place(edit: Edit, root: _Element, scene: Scene) -> str:
     gone = 0
     for obstacle in [one for one in root if one.tag in (*_MOVING, "staticObstacle")]:
         gone += not _keeps_inside(obstacle, box, shapely.Point)
-    counts = f"{len(kept)} lanelets kept, {len(lanelets)} removed, {gone} road users removed"
+    counts = f"{counted(len(kept), 'lanelet')} kept, {len(lanelets)} removed, {counted(gone, 'road user')} removed"
     return f"cut to {sizes[0]:g} m by {sizes[1]:g} m: {counts}"
 
 
@@ -404,13 +404,13 @@ def _drop_references(root: _Element, kept: set[int]) -> None:
 
 
 def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
-    """Give the lights of lanelets new phases, and add a light to lanelets that have none."""
+    """Give the lights of lanelets new phases, and add missing lights; return what was done as text."""
     lanelets = sorted(target_lanelets(edit.to, scene, Changes(next_id=0, driven={}))) if edit.to else []
     phases = [_phase(text, scene.step_s) for text in edit.params]
     if not lanelets or not phases:
         raise InvalidRequest(
             "set_light needs lanelets in 'to' and phases in 'params'",
-            valid=["to=['595'] params=['red=10', 'green=20']"],
+            valid=["to=[LANELET] params=['red=10', 'green=20']"],
             next_step="give both",
             remedies=[with_values(params=["red=10", "green=20"])] if lanelets else [LANELETS_LISTED],
         )
@@ -433,7 +433,9 @@ def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
                 changed.append(int(ref or 0))
     cycle = ", ".join(f"{colour} {steps * scene.step_s:g} s" for steps, colour in phases)
     new = f"; added a light to lanelet {', '.join(map(str, lit_now))}" if lit_now else ""
-    return f"lights {', '.join(map(str, sorted(set(changed))))} show {cycle} in turn from 0 s{new}"
+    shown = sorted(set(changed))
+    who = f"light {shown[0]} repeats" if len(shown) == 1 else f"lights {', '.join(map(str, shown))} repeat"
+    return f"{who} the cycle {cycle} from 0 s on{new}"
 
 
 def _phase(text: str, step_s: float) -> tuple[int, str]:
@@ -451,7 +453,7 @@ def _phase(text: str, step_s: float) -> tuple[int, str]:
 
 
 def _new_light(root: _Element, scene: Scene, lanelet: int) -> _Element:
-    """Return a light at the right edge of a lanelet's end."""
+    """Return a traffic light element at the right edge of a lanelet's end."""
     ids = [one.get("id", "") for one in root.iter() if isinstance(one.tag, str)]
     highest = max((int(one) for one in ids if one.isdigit()), default=0)
     light = etree.Element("trafficLight", id=str(highest + 1))
@@ -469,7 +471,7 @@ def _new_light(root: _Element, scene: Scene, lanelet: int) -> _Element:
 
 
 def _after_last(parent: _Element, element: _Element, names: tuple[str, ...]) -> None:
-    """Insert an element after the last one of the first existing name, as the schema's order requires."""
+    """Insert an element after the last element of the first existing name, as the schema's order requires."""
     for name in names:
         found = parent.findall(name)
         if found:
@@ -510,7 +512,7 @@ class _Conditions:
 
 
 def _conditions_named(edit: Edit) -> _Conditions:
-    """Return the weather and the friction of an edit; by default, that of roads in this weather, if known.
+    """Return the weather and the friction of an edit; by default, the friction of roads in this weather, if known.
 
     Raises:
         InvalidRequest: neither of them is given, or an argument of another kind is.
@@ -577,19 +579,19 @@ def _friction_named(text: str, value: str) -> tuple[float, str]:
 
 
 def _set_weather(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
-    """Write the weather and the friction of the roads to the file; a note states what uses them."""
+    """Write the weather and the friction of the roads to the file; return what was done, and what uses them."""
     conditions = _conditions_named(edit)
     notes = []
     if conditions.weather is not None:
         _write_weather(root, conditions.weather)
-        notes.append(f"the file now states {conditions.weather}{conditions.taken}, and searches find it by that")
+        notes.append(f"the file now states {conditions.weather}{conditions.taken}, so searches can find it")
     if conditions.friction is None:
         return (
             f"{'; '.join(notes)}; friction stays unchanged, because this weather has no known value, and traffic "
             "drives as before"
         )
     set_friction(root, conditions.friction)
-    of_road = f" (a road that is {conditions.road.replace('_', ' ')})" if conditions.road else ""
+    of_road = f" (road surface: {conditions.road.replace('_', ' ')})" if conditions.road else ""
     before = "" if scene.friction is None else f", {scene.friction:g} before"
     notes.append(
         f"friction {conditions.friction:g}{of_road}{before}: tyres hold at most "

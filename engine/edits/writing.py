@@ -1,13 +1,14 @@
 """Edited scenes as CommonRoad files: states, obstacles, goals and the ego's start as XML elements.
 
-Only elements of touched road users and of the planning problem are rewritten; all others stay identical to the byte.
+Only elements of touched road users and of the planning problem are rewritten; all other elements stay identical to the
+byte.
 """
 
 import numpy as np
 from lxml import etree
 
 from ..commonroad import LoadedScenario, ScenarioDocument, Track, center_of, middle_of
-from ..cosimulation import Replay, TakenOverTrack
+from ..cosimulation import HandoverTrack, Replay
 from ..geometry import Points, wrap_angle
 from ..scene import Ego
 from ..vehicles import Motion, nearest_class, steering_angles
@@ -58,7 +59,7 @@ def write_edits(document: ScenarioDocument, edited: EditedScene) -> list[str]:
     return [] if changes.goal is None else write_goal(document, changes.goal)
 
 
-def _write_touched(document: ScenarioDocument, track: TakenOverTrack, step_s: float) -> None:
+def _write_touched(document: ScenarioDocument, track: HandoverTrack, step_s: float) -> None:
     """Replace the states of a recorded obstacle after its hand-over; earlier states stay unchanged."""
     trajectory = document.obstacle(track.obstacle_id).find("trajectory")
     if trajectory is None:
@@ -100,7 +101,7 @@ def _state_elements(track: Track, motion: Motion, fields: tuple[str, ...], step_
 
 
 def _sub(parent: _Element, name: str, **texts: str) -> _Element:
-    """Append a new element to another, with a child for each text."""
+    """Append a new element to another, with a child for each text, and return it."""
     element = etree.SubElement(parent, name)
     for tag, text in texts.items():
         etree.SubElement(element, tag).text = text
@@ -154,7 +155,7 @@ def write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
 
 
 def _first_goal(problem: _Element) -> _Element:
-    """Append an empty goal state to a problem that has none, indented like the other elements."""
+    """Append an empty goal state to a problem without a goal, indented like the other elements, and return it."""
     before = problem[-1]
     goal = etree.SubElement(problem, "goalState")
     before.tail, goal.tail = problem.text, before.tail
@@ -174,7 +175,7 @@ def _goal_position(old: _Element, goal: GoalChange) -> _Element:
 
 
 def _turned(orientation: _Element, heading_rad: float) -> _Element:
-    """Return the interval, with its old width, around a new heading."""
+    """Return an orientation interval around a new heading, as wide as the old interval."""
     start, end = float(orientation.findtext("intervalStart", "0")), float(orientation.findtext("intervalEnd", "0"))
     half = min(abs(end - start) / 2, 3.14)
     middle = wrap_angle(heading_rad)
@@ -196,7 +197,7 @@ def _point_element(position: Points) -> _Element:
 
 
 def _state_step(state: _Element) -> int:
-    """Return the time step of a state; the first one of an interval."""
+    """Return the time step of a state; the first step of an interval."""
     exact = state.findtext("time/exact")
     return int(exact if exact is not None else state.findtext("time/intervalStart", "0"))
 
@@ -307,7 +308,7 @@ def starts_elsewhere(ego: Ego, loaded: LoadedScenario) -> bool:
 
 
 def _move(obstacle: _Element, tag: str, initial_tag: str, replay: Replay) -> None:
-    """Shift an initial state and those of a list by the replay's steps; those outside its track are removed."""
+    """Shift an initial state and a list of states by the replay's steps; remove the states outside its track."""
     initial, series = obstacle.find(initial_tag), obstacle.find(tag)
     states = [one for one in (initial, *([] if series is None else series)) if one is not None]
     kept = []

@@ -24,7 +24,7 @@
 ``Limits``: The folders, processes, memory in bytes and time in seconds that a call may use.
 ``end_with_parent``: Makes the operating system kill this process when its parent is gone.
 ``limit_memory``: Limits the data memory of this process, in bytes.
-``HeapsGivenBack``: Returns freed memory to the operating system after work, at most every few seconds.
+``MemoryTrimmer``: Returns freed memory to the operating system after work, at most every few seconds.
 ``share_heaps``: Makes all threads of this process share few heaps.
 ``ReachableExecutor``: An executor of one event loop, for callers in threads with other loops.
 ``CallThreads``: Threads with their own event loops that serve one call after another.
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
         silent,
     )
     from .jobs import Job, JobProgress, JobRunner, JobStore, JobWork, RunApart
-    from .limits import HeapsGivenBack, Limits, end_with_parent, limit_memory, share_heaps
+    from .limits import Limits, MemoryTrimmer, end_with_parent, limit_memory, share_heaps
     from .pool import WorkerPool
     from .tasks import Task, TaskStore
     from .threads import CallThreads, OwnThread, ReachableExecutor, run_in

@@ -46,7 +46,7 @@ _RESULTS = ("frenetix", "commonroad-io", "commonroad-drivability-checker", "libs
 logger = logging.getLogger(__name__)
 
 
-class _ClusterGone(Exception):
+class _ClusterUnavailable(Exception):
     """The scheduler does not answer, or has no workers."""
 
 
@@ -124,7 +124,7 @@ class ClusterExecutor:
         if operation.reads and await self._connect_if_due():
             try:
                 return await self._on_cluster(operation, request)
-            except _ClusterGone as gone:
+            except _ClusterUnavailable as gone:
                 await self._disconnect(str(gone))
         return await self._here.run(operation, request, on_progress=on_progress)
 
@@ -134,7 +134,7 @@ class ClusterExecutor:
                 try:
                     self._client, self._threads = await anyio.to_thread.run_sync(self._connect)
                     self._gone_since, self.notice = None, ""
-                except (OSError, ValueError, _ClusterGone) as error:
+                except (OSError, ValueError, _ClusterUnavailable) as error:
                     self._announce_outage(f"{error or type(error).__name__}")
             return self._client is not None
 
@@ -152,7 +152,7 @@ class ClusterExecutor:
             threads = sum(client.nthreads().values())
         except TimeoutError as error:
             client.close(timeout=1)
-            raise _ClusterGone("it has no workers") from error
+            raise _ClusterUnavailable("it has no workers") from error
         return client, threads
 
     def _announce_outage(self, why: str) -> None:
@@ -212,7 +212,7 @@ class ClusterExecutor:
         """Return a worker's answer to a parcel.
 
         Raises:
-            _ClusterGone: The scheduler or all workers are gone.
+            _ClusterUnavailable: The scheduler or all workers are gone.
             WorkerFailure: The workers that received it died.
         """
         from distributed import CancelledError
@@ -220,7 +220,7 @@ class ClusterExecutor:
 
         client = self._client
         if client is None:
-            raise _ClusterGone("it went away")
+            raise _ClusterUnavailable("it went away")
         done, loop = anyio.Event(), asyncio.get_running_loop()
         future = await anyio.to_thread.run_sync(lambda: client.submit(carry_out, parcel, pure=False))
         try:
@@ -233,7 +233,7 @@ class ClusterExecutor:
                 next_step="request less at once, or give the workers more memory",
             ) from error
         except (CancelledError, OSError, TimeoutError) as error:
-            raise _ClusterGone("its scheduler went away") from error
+            raise _ClusterUnavailable("its scheduler went away") from error
         finally:
             with anyio.CancelScope(shield=True), contextlib.suppress(Exception):
                 await anyio.to_thread.run_sync(future.cancel)
@@ -248,11 +248,11 @@ class ClusterExecutor:
             if done.is_set():
                 return
             if client.status != "running":
-                raise _ClusterGone("its scheduler went away")
+                raise _ClusterUnavailable("its scheduler went away")
             if await anyio.to_thread.run_sync(client.nthreads):
                 seen = time.monotonic()
             elif time.monotonic() - seen > _EMPTY_S:
-                raise _ClusterGone("it has no workers")
+                raise _ClusterUnavailable("it has no workers")
 
 
 def _with_contents(parcel: Parcel, paths: dict[str, Path], missing: Missing) -> Parcel:

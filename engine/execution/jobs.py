@@ -1,7 +1,7 @@
 """Durable records of long work, and the runner that executes this server's jobs in the background.
 
 A record is in the workspace's database, so any server on the workspace can report on it. A job of a server that is gone
-appears as interrupted; the same request again continues from what was finished.
+appears as interrupted; a repeated request continues with what was not finished.
 """
 
 import asyncio
@@ -21,7 +21,7 @@ import anyio.abc
 from pydantic import Field
 
 from ...schemas.base import Model
-from ...schemas.errors import ResourceFailure, UnexpectedFailure, UnknownName, as_told, closest
+from ...schemas.errors import ResourceFailure, UnexpectedFailure, UnknownName, closest, error_to_report
 from ...schemas.jobs import JobState
 from ..workspace import Database, Recipe, still_runs, stored_json
 
@@ -56,7 +56,7 @@ class Job(Model):
 
     @property
     def remaining_s(self) -> float | None:
-        """Estimated remaining time in seconds, or None until enough is done for an estimate."""
+        """The estimated remaining time in seconds, or None until enough is done for an estimate."""
         if self.ended or self.share < 0.02:  # chosen: an earlier estimate is mostly the start-up
             return None
         return (self.updated_at - self.started_at) * (1 - self.share) / self.share
@@ -100,7 +100,7 @@ class JobStore:
         self._set(job_id, f"state = ?, share = {share}, results = ?, error = ?", (state, json.dumps(results), error))
 
     def get(self, job_id: str) -> Job:
-        """Return the job with this id; ``latest`` is the newest one.
+        """Return the job with this id; ``latest`` means the newest job.
 
         Raises:
             UnknownName: No job has this id; the error lists the nearest ids.
@@ -349,7 +349,7 @@ class _JobEnd:
 
 def _error_text(raised: Exception, job_id: str) -> str:
     """Return the text of an error for the job's record; a defect of ours goes to the log with its details."""
-    failure = as_told(raised, job_id)
+    failure = error_to_report(raised, job_id)
     if isinstance(failure, UnexpectedFailure):
         logger.error("incident %s in %s:\n%s", failure.incident, job_id, failure.details)
     return failure.text

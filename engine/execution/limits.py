@@ -79,9 +79,7 @@ class Limits:
             )
 
     def _resolved(self, text: str) -> Path | None:
-        """Return the absolute path, or None for an impossible one: a null byte, a loop of links, the home of an unknown
-        user.
-        """
+        """Return the absolute path; None if it has a null byte, a loop of links, or an unknown user's home."""
         try:
             path = Path(text).expanduser()
             return (path if path.is_absolute() else self.roots[0] / path).resolve()
@@ -120,7 +118,7 @@ _BETWEEN_TRIMS_S = 10.0
 """Chosen: returning memory takes 2 to 20 ms."""
 
 
-class HeapsGivenBack:
+class MemoryTrimmer:
     """Returns freed memory to the operating system (with glibc) after work, at most every few seconds.
 
     glibc does not return freed memory that lies below memory in use. A server would therefore keep the largest total

@@ -69,7 +69,7 @@ class WorkerPool:
 
     @property
     def notice(self) -> str:
-        """Empty, since everything runs as configured."""
+        """An empty text, since everything runs as configured."""
         return ""
 
     async def run(
@@ -112,10 +112,10 @@ class WorkerPool:
         """Return True if a worker may serve the next operation, because its idle memory is within the limit."""
         if lane == "retrieval":
             return True
-        held_bytes = 0
+        resident_bytes = 0
         with anyio.CancelScope(shield=True):
-            held_bytes = await anyio.to_thread.run_sync(worker.held_bytes)
-        return held_bytes <= self._limits.worker_idle_bytes
+            resident_bytes = await anyio.to_thread.run_sync(worker.resident_bytes)
+        return resident_bytes <= self._limits.worker_idle_bytes
 
     async def warm_up(self, lane: Lane = "compute") -> None:
         """Start one idle worker with its heavy imports, before the first operation needs it."""
@@ -134,7 +134,7 @@ class WorkerPool:
 
     @property
     def worker_pids(self) -> tuple[int, ...]:
-        """Process ids of all workers, busy ones first."""
+        """The process ids of all workers, busy workers first."""
         return tuple(worker.pid for worker in self._workers)
 
     @property
@@ -197,10 +197,10 @@ class _WorkerProcess:
 
     @property
     def pid(self) -> int:
-        """Process id."""
+        """The process id."""
         return self._process.pid
 
-    def held_bytes(self) -> int:
+    def resident_bytes(self) -> int:
         """Return the resident memory of the process, or 0 if it is gone."""
         import psutil
 
@@ -215,7 +215,7 @@ class _WorkerProcess:
         return self._process.returncode is None
 
     async def carry_out(self, name: str, order: bytes, on_progress: OnProgress) -> Answer | Failure:
-        """Send the order of an operation with this name and wait for its end.
+        """Send the order of an operation with this name, and return its answer or failure.
 
         Raises:
             WorkerFailure: The process died.

@@ -76,7 +76,7 @@ class TaskStore:
         """Return the owner's task with this id.
 
         Raises:
-            UnknownName: No such task, or it has expired; no similar ids are listed, since ids are secrets.
+            UnknownName: There is no such task, or it has expired; no similar ids are listed, since ids are secrets.
         """
         query = "SELECT * FROM tasks WHERE task_id = ? AND owner = ? AND created_at + lifetime_s >= ?"
         row = self._database.connection().execute(query, (task_id, owner, time.time())).fetchone()

@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 
 import anyio
 
-from ...schemas.errors import as_told
+from ...schemas.errors import error_to_report
 from .executor import Executor, ExecutorAround, OnProgress, Operation, Request, Response, no_progress
 
 _Result = TypeVar("_Result")
@@ -26,7 +26,7 @@ _PATIENCE_S = 5.0
 
 
 class CallThreads:
-    """Threads with event loops that serve one call after another; a few stay for the next ones."""
+    """Threads with event loops that serve one call after another; a few stay for the next calls."""
 
     def __init__(self) -> None:
         self._idle: list[_LentThread] = []  # pop and append are atomic
@@ -170,7 +170,7 @@ def _start_thread() -> _LentThread:
     try:
         return _LentThread()
     except RuntimeError as error:
-        raise as_told(error, "a thread") from error
+        raise error_to_report(error, "a thread") from error
 
 
 class ReachableExecutor(ExecutorAround):

@@ -31,6 +31,7 @@ from ..planners import (
     Planner,
     ScenarioFile,
     check_modes,
+    check_world,
     driven_ego,
     ended_after,
     lane_line,
@@ -77,12 +78,13 @@ class Evaluator:
             configuration's own drives.
 
     Raises:
-        InvalidRequest: the prediction does not fit the traffic.
+        InvalidRequest: the prediction does not fit the traffic or the world, or the planner does not fit the world.
         UnknownName: no such planner.
     """
 
     def __init__(self, setting: EncounterSetting, drives: Callable[[Planner], Planner] | None = None) -> None:
-        check_modes(setting.traffic, setting.prediction)
+        check_modes(setting.traffic, setting.prediction, setting.world)
+        check_world(setting.configuration.planner, setting.world)
         self._setting, self._drives = setting, drives
         self._reads_file = needs_file(setting.configuration.planner)
 
@@ -187,6 +189,8 @@ class Evaluator:
                 silent,
                 traffic,
                 vehicle,
+                world=setting.world,
+                seed=setting.seed,
                 is_over=ending.is_over,
             )
         return _Judged(setting, point, problem, vehicle, run).evaluation(ending), run
@@ -375,6 +379,7 @@ class _Judged:
             prediction=setting.prediction,
             traffic=setting.traffic,
             seed=setting.seed,
+            world=setting.world,
             step_s=self._step_s,
             outcome=verdict.outcome,
             reason=verdict.reason,

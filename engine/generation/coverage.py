@@ -27,8 +27,8 @@ def plan_coverage(request: CoverageRequest, report: ProgressReporter) -> Coverag
     covered = frozenset(request.covered)
     times = dict(request.refused)
     failed = frozenset(key for key, count in times.items() if count >= TRIES and key not in covered)
-    held = _Space(request.factors, request.barred)
-    possible = [key for key in held.all_of(request.strength) if held.completed(key) is not None]
+    plan = _Space(request.factors, request.barred)
+    possible = [key for key in plan.all_of(request.strength) if plan.completed(key) is not None]
     space = _Space(request.factors, (*request.barred, *sorted(failed)))
     allowed = [key for key in possible if key in covered or space.completed(key) is not None]
     left = [key for key in allowed if key not in covered]
@@ -63,7 +63,7 @@ def _covering(
     covered: frozenset[Combination],
     times: Mapping[Combination, int],
 ) -> list[tuple[int, ...]]:
-    """Return rows for all remaining combinations: array rows for untried ones, then one row per refused one."""
+    """Return rows for all remaining combinations: array rows for untried combinations, then a row per refused one."""
     fresh = frozenset(key for key in left if not times.get(key))
     rows = space.array(strength, salt="", without=[key for key in space.all_of(strength) if key not in fresh])
     there = {key for row in rows for key in combinations_in(row, strength)}
@@ -80,7 +80,7 @@ def _covering(
 def _rank_with_covered(
     space: "_Space", key: Combination, strength: int, covered: frozenset[Combination], turn: int
 ) -> _Rank:
-    """Return a ranking that prefers levels whose combinations with the chosen levels are already covered.
+    """Return a ranking that prefers levels if their combinations with the chosen levels are already covered.
 
     ``turn``: how often the combination was refused; levels of equal rank take turns.
     """

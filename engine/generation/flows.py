@@ -52,7 +52,7 @@ class RouteFlow:
 
     @property
     def present(self) -> float:
-        """Return the mean number of vehicles on the route (Little's law)."""
+        """The mean number of vehicles on the route (Little's law)."""
         return self.per_h * self.travel_s / 3600
 
 
@@ -77,7 +77,7 @@ class FlowPlan:
 
     @property
     def vehicles(self) -> int:
-        """Return the mean number of vehicles at the site, at least 1."""
+        """The mean number of vehicles at the site, at least 1."""
         return max(round(sum(route.present for route in self.routes)), 1)
 
 
@@ -91,7 +91,9 @@ def plan_flows(flows: Sequence[RoadFlow], net: SumoNet, choice: random.Random) -
     place = _Place(net, edges)
     candidates = _candidates(edges, choice)
     between = [(flow, place.routes_between(flow.road, flow.to) if flow.to else ()) for flow in flows]
-    routes = [RouteFlow(way, flow.per_h / len(ways), edges.travel_s(way)) for flow, ways in between for way in ways]
+    routes = [
+        RouteFlow(route, flow.per_h / len(ways), edges.travel_s(route)) for flow, ways in between for route in ways
+    ]
     across = [(flow, ways, () if flow.to else place.sections(flow)) for flow, ways in between]
     counts = [(section, flow.per_h) for flow, _, sections in across for section in sections]
     routes += _meeting(counts, candidates, edges)
@@ -106,11 +108,14 @@ def plan_flows(flows: Sequence[RoadFlow], net: SumoNet, choice: random.Random) -
 
 
 def _counted(
-    flow: RoadFlow, ways: frozenset[tuple[str, ...]], sections: tuple[frozenset[str], ...], routes: list[RouteFlow]
+    flow: RoadFlow,
+    routes_between: frozenset[tuple[str, ...]],
+    sections: tuple[frozenset[str], ...],
+    routes: list[RouteFlow],
 ) -> CountedRoad:
-    """Return how much of a flow the routes carry, between two roads or across the sections of one road."""
+    """Return a counted road with the flow that the routes carry, between two roads or across its sections."""
     if flow.to:
-        planned = sum(route.per_h for route in routes if route.edges in ways)
+        planned = sum(route.per_h for route in routes if route.edges in routes_between)
         return CountedRoad(flow, (), min(planned, flow.per_h))
     carried = [sum(route.per_h for route in routes if section & set(route.edges)) for section in sections]
     return CountedRoad(flow, sections, float(np.mean(carried)) if carried else 0.0)
@@ -125,15 +130,15 @@ def _candidates(edges: OpenEdges, choice: random.Random) -> list[tuple[str, ...]
     }
     covered = {edge for route in drawn for edge in route}
     for edge in sorted(set(edges.length_m) - covered):
-        way = edges.quickest(edges.entries, edge) or (edge,)
-        drawn.add((*way[:-1], *edges.random_route(edge, LONGEST_M, choice, frozenset())))
+        entering = edges.quickest(edges.entries, edge) or (edge,)
+        drawn.add((*entering[:-1], *edges.random_route(edge, LONGEST_M, choice, frozenset())))
     return sorted(drawn)
 
 
 def _meeting(
     counts: list[tuple[frozenset[str], float]], candidates: list[tuple[str, ...]], edges: OpenEdges
 ) -> list[RouteFlow]:
-    """Fit the flows on the candidate routes to the counts at the cross-sections."""
+    """Fit the flows on the candidate routes to the counts at the cross-sections; return the routes with their flows."""
     from scipy.optimize import nnls
 
     used = [route for route in candidates if any(section & set(route) for section, _ in counts)]
@@ -157,14 +162,14 @@ def flow_notes(plan: FlowPlan, vehicles: Sequence[GeneratedVehicle], site: SiteN
 
 
 def _flow_note(road: CountedRoad, at_start: int) -> str:
-    asked = f"{road.flow}: {road.flow.per_h:g} vehicles an hour counted"
+    flow_text = f"{road.flow}: {road.flow.per_h:g} vehicles an hour counted"
     if road.flow.to:
         no_route = "but no route leads there here"
-        ways = f"{road.planned_per_h:.0f} planned on its routes" if road.planned_per_h else no_route
-        return f"{asked}, {ways}"
+        planned = f"{road.planned_per_h:.0f} planned on its routes" if road.planned_per_h else no_route
+        return f"{flow_text}, {planned}"
     if not road.sections:
-        return f"{asked}, but no such road carries cars at this site"
-    return f"{asked}, {road.planned_per_h:.0f} planned; {counted(at_start, 'vehicle')} on it at the start"
+        return f"{flow_text}, but no such road carries cars at this site"
+    return f"{flow_text}, {road.planned_per_h:.0f} planned; {counted(at_start, 'vehicle')} on it at the start"
 
 
 def _edges_at_start(vehicles: Sequence[GeneratedVehicle], site: SiteNetwork) -> Iterator[str]:
@@ -205,13 +210,13 @@ class _Place:
         self._middle = ends.reshape(-1, 2).mean(axis=0)
 
     def names(self) -> list[str]:
-        """Return the names of the named streets, then the OSM way ids of the unnamed ones."""
+        """Return the names of the named streets, then the OSM way ids of the unnamed streets."""
         named = {self._net.edges[edge].name for edge in self._edges.length_m} - {""}
         unnamed = {_way(edge) for edge in self._edges.length_m if not self._net.edges[edge].name}
         return [*sorted(named), *sorted(unnamed)]
 
     def sections(self, flow: RoadFlow) -> tuple[frozenset[str], ...]:
-        """Return the cross-sections of a counted road: the edges of both directions, or of the requested one."""
+        """Return the cross-sections of a counted road, as edges of both directions, or of the requested direction."""
         sections: dict[str, set[str]] = {}
         for edge in sorted(self._edges.length_m):
             if self._has_name(edge, flow.road) and self._leads(edge, flow.direction):
@@ -224,11 +229,11 @@ class _Place:
             self._beginning(origin, self._edges.entries, 0),
             self._beginning(destination, self._edges.exits, 1),
         )
-        ways = (self._edges.quickest([start], goal) for start, goal in product(starts, goals))
-        return tuple(sorted(way for way in ways if way and not self._turns_back(way)))
+        routes = (self._edges.quickest([start], goal) for start, goal in product(starts, goals))
+        return tuple(sorted(route for route in routes if route and not self._turns_back(route)))
 
-    def _turns_back(self, way: tuple[str, ...]) -> bool:
-        return self._net.edges[way[0]].from_junction == self._net.edges[way[-1]].to_junction
+    def _turns_back(self, route: tuple[str, ...]) -> bool:
+        return self._net.edges[route[0]].from_junction == self._net.edges[route[-1]].to_junction
 
     def _beginning(self, word: str, edges: frozenset[str], end: int) -> list[str]:
         """Return the edges of a street or way, or for a compass direction those that start or end on that side.

@@ -19,10 +19,10 @@ from ...schemas.errors import InvalidRequest, NotPossible, with_values
 from ...schemas.generation import (
     THROUGH,
     USUAL_DURATION_S,
-    AskedManoeuvre,
     Density,
     GeneratedScenario,
     GenerationRequest,
+    RequestedManoeuvre,
     VehicleDemand,
 )
 from ...schemas.text import cited, counted
@@ -34,7 +34,7 @@ from ..vehicles import vehicle_classes
 from .checks import check_scenario, faults_of
 from .flows import flow_notes
 from .others import LIKELY_AT, MOST_TRIES, EgoChoice, can_be_scripted, found_in, scripted
-from .people import people_notes, people_wanted
+from .people import people_notes, target_pedestrians
 from .planning_problem import NO_TURN, PlanningTask, TaskSpec, choose_task
 from .record import absences_of, record_of, with_scripted
 from .site_network import SITE_LOST, SiteNetwork, prepare_site, with_later_lights
@@ -110,7 +110,7 @@ def _no_collection() -> Iterator[None]:
 
 
 def _with_ego_class(request: GenerationRequest) -> tuple[list[str], GenerationRequest]:
-    """Return notes on the ego, and the request with the ego's class added to those of the other vehicles.
+    """Return notes on the ego, and the request with the ego's class added to the classes of the other vehicles.
 
     Raises:
         InvalidRequest: no ego can be of this class, and the traffic excludes it.
@@ -119,20 +119,20 @@ def _with_ego_class(request: GenerationRequest) -> tuple[list[str], GenerationRe
     other = ego.other_class or ego.vehicle_class
     if other == "car":
         return [], request
-    asked = next((demand for demand in request.vehicles if demand.vehicle_class == other), None)
-    if asked is None:
+    stated = next((demand for demand in request.vehicles if demand.vehicle_class == other), None)
+    if stated is None:
         vehicles = (*request.vehicles, VehicleDemand(vehicle_class=other))
     elif ego.other_class is None:
         vehicles = request.vehicles
-    elif asked.most == 0:
+    elif stated.most == 0:
         raise InvalidRequest(
             f"no ego can be a {other}, so ego type:{other} adds a {other} to the traffic, but vehicles excludes it",
             valid=[f"type:{name}" for name in EGO_CLASSES],
             next_step=f"leave {other}=0 out of vehicles, or choose another ego",
         )
     else:
-        at_least_one = asked if asked.least != 0 else asked.model_copy(update={"least": 1})
-        vehicles = tuple(at_least_one if demand is asked else demand for demand in request.vehicles)
+        at_least_one = stated if stated.least != 0 else stated.model_copy(update={"least": 1})
+        vehicles = tuple(at_least_one if demand is stated else demand for demand in request.vehicles)
     if ego.other_class is None:
         return [], request.model_copy(update={"vehicles": vehicles})
     notes = [f"the ego must be a motor vehicle, so it is a car; the requested {other} is in the traffic"]
@@ -143,7 +143,8 @@ def _with_ego_class(request: GenerationRequest) -> tuple[list[str], GenerationRe
 class _Attempt:
     """One attempt: a scenario in its own file, and its faults as text.
 
-    ``lacks``: no road user makes the requested manoeuvre; the scenario serves only as a base for scripting.
+    ``lacks``: no road user makes the requested manoeuvre; the scenario serves only as a base for scripting. ``astray``:
+    the ego's goal must be beyond the site, but its route misses the site's own junction or turns elsewhere too.
     """
 
     scenario: GeneratedScenario
@@ -152,6 +153,7 @@ class _Attempt:
     faults: tuple[str, ...]
     unusable: bool
     lacks: bool = False
+    astray: bool = False
 
 
 class _Attempts:
@@ -162,8 +164,8 @@ class _Attempts:
 
     def __init__(self, request: GenerationRequest, scratch: Path, report: ProgressReporter) -> None:
         self._request, self._scratch, self._report = request, scratch, report
-        self._wanted = request.others
-        most = ROUNDS_TO_SCRIPT if self._wanted is not None and can_be_scripted(self._wanted) else MOST_ROUNDS
+        self._requested = request.others
+        most = ROUNDS_TO_SCRIPT if self._requested is not None and can_be_scripted(self._requested) else MOST_ROUNDS
         self._rounds, self._most_rounds = 0, request.most_rounds or most
         self.made: list[_Attempt] = []
         self.refusals: list[NotPossible] = []
@@ -202,30 +204,35 @@ class _Attempts:
                 return
             if self._request.goal.lanelet is not None:  # an id refers to another lanelet elsewhere
                 break
-        is_sought = bool(fit) and self._wanted is not None and all(attempt.lacks for attempt in self.made)
+        is_sought = bool(fit) and self._requested is not None and all(attempt.lacks for attempt in self.made)
         is_full = any(refusal.reason == NO_ROOM for refusal in self.refusals)
         if (len(fit) == 1 or is_sought) and few is None and not is_full:
             self._is_done(*fit[0], range(OWN_ROUNDS, MOST_ROUNDS))
 
     def turn(self, *, is_drawn: bool) -> None:
-        """If no vehicle makes the requested turn, route vehicles through it until one of them can be the ego.
+        """If no ego takes the requested way through the site, route vehicles along it until one of them can be the ego.
 
         If these vehicles wait at red lights, the cycles of the lights are shifted, unless the map states their programs
-        (``is_drawn``: it states none). A request with a limit on rounds or sites skips this step.
+        (``is_drawn``: it does not). A request with a limit on rounds or sites skips this step.
         """
-        lacks = any(refusal.reason == NO_TURN for refusal in self.refusals)
-        if not lacks or self._request.most_sites is not None or any(not attempt.unusable for attempt in self.made):
+        usable = [attempt for attempt in self.made if not attempt.unusable]
+        lacks = any(refusal.reason == NO_TURN for refusal in self.refusals) and not usable
+        astray = bool(usable) and all(attempt.astray for attempt in usable)
+        if self._request.most_sites is not None or not (lacks or astray):
             return
         for number, later_s in enumerate(LIGHTS_LATER_S, start=MOST_ROUNDS):
-            for site, folder in self._fit[:TURNING_SITES]:
+            for site, folder in self._fit[: 1 if astray else TURNING_SITES]:
                 shifted = folder / f"lights_{number}"
                 shifted.mkdir()
                 tried = with_later_lights(site, later_s, shifted) if is_drawn and not site.footways else site
+                made = len(self.made)
                 if self._is_faultless(tried, number, shifted, turning=True):
+                    return
+                if astray and any(not attempt.astray and not attempt.unusable for attempt in self.made[made:]):
                     return
 
     def best(self, osm: OsmMap) -> _Attempt:
-        """Return the usable attempt with the fewest faults; the first one wins a tie.
+        """Return the usable attempt with the fewest faults, if possible not astray; of equals, the first.
 
         Raises:
             NotPossible: no attempt is usable. The stated cause is a ramp that does not lead where it must, otherwise
@@ -234,11 +241,11 @@ class _Attempts:
         """
         usable = [attempt for attempt in self.made if not attempt.unusable and not attempt.lacks]
         if usable:
-            return min(usable, key=lambda attempt: len(attempt.faults))
+            return min(usable, key=lambda attempt: (attempt.astray, len(attempt.faults)))
         if (lacking := lacking_turn(osm, self._request)) is not None:
             raise lacking
-        if self._wanted is not None and any(attempt.lacks for attempt in self.made):
-            raise self._without_manoeuvre(self._wanted)
+        if self._requested is not None and any(attempt.lacks for attempt in self.made):
+            raise self._without_manoeuvre(self._requested)
         if self.refusals and self.refusals[0].reason == NO_TURN and self._fit:
             raise self._without_turn(self.refusals[0])
         if self.refusals:
@@ -256,12 +263,16 @@ class _Attempts:
         )
 
     def notes_besides(self, best: _Attempt) -> list[str]:
-        """Return notes on the skipped sites and on why the other attempts were dropped, each reason once."""
+        """Return notes on the skipped sites and on why the other attempts were dropped, each reason once.
+
+        A reason that the best attempt has, too, is already among its notes.
+        """
         others = [attempt for attempt in self.made if attempt is not best and not attempt.lacks]
         faults = [fault for attempt in others for fault in attempt.faults]
         reasons = dict.fromkeys([*faults, *(refusal.message for refusal in self.refusals)])
         passed_over = [f"skipped: {self._lost_sites()}"] if self.lost else []
-        return [*passed_over, *(f"an earlier attempt failed: {reason}" for reason in reasons)]
+        noted = {*best.faults, *best.scenario.notes}
+        return [*passed_over, *(f"another attempt was dropped: {reason}" for reason in reasons if reason not in noted)]
 
     def _lost_sites(self) -> str:
         named = [f"{site.kind} at {site.latitude:.5f}, {site.longitude:.5f}" for site in self.lost[:SHOWN_LOST]]
@@ -285,26 +296,26 @@ class _Attempts:
         self._rounds += 1
         path = folder / f"scenario_{round_number}.xml"
         try:
-            scenario, missed = _write(self._request, site, round_number, path, self._report, turning=turning)
+            scenario, missed, astray = _write(self._request, site, round_number, path, self._report, turning=turning)
         except NotPossible as refusal:
             logger.debug("round_refused round=%d reason=%r", round_number, refusal.message)
             self.refusals.append(refusal)
             return False
         broken, weak = faults_of(scenario.checks)
-        lacks = self._wanted is not None and not scenario.others
-        self.made.append(_Attempt(scenario, path, site, (*broken, *weak, *missed), bool(broken), lacks))
+        lacks = self._requested is not None and not scenario.others
+        self.made.append(_Attempt(scenario, path, site, (*broken, *weak, *missed), bool(broken), lacks, astray))
         faults = self.made[-1].faults
         logger.debug("round_made round=%d faults=%r lacks_manoeuvre=%s", round_number, faults, lacks)
         return not faults and not lacks
 
     def script(self) -> None:
         """Script an actor in one of the scenarios if no traffic contains the requested manoeuvre."""
-        if self._wanted is None or any(not attempt.unusable and not attempt.lacks for attempt in self.made):
+        if self._requested is None or any(not attempt.unusable and not attempt.lacks for attempt in self.made):
             return
         bases = sorted((attempt for attempt in self.made if not attempt.unusable), key=lambda one: len(one.faults))
         numbers = iter(range(MOST_TRIES))
         for base in bases:
-            made = _scripted(base, self._wanted, self._request.seed, numbers)
+            made = _scripted(base, self._requested, self._request.seed, numbers)
             if made is not None:
                 self.made.append(made)
                 return
@@ -337,7 +348,7 @@ class _Attempts:
             ],
         )
 
-    def _without_manoeuvre(self, wanted: AskedManoeuvre) -> NotPossible:
+    def _without_manoeuvre(self, wanted: RequestedManoeuvre) -> NotPossible:
         draws = counted(sum(attempt.lacks for attempt in self.made), "simulation")
         scripted_too = ", and a scripted actor found no room for it" if can_be_scripted(wanted) else ""
         return NotPossible(
@@ -356,10 +367,13 @@ def _write(
     report: ProgressReporter,
     *,
     turning: bool = False,
-) -> tuple[GeneratedScenario, list[str]]:
-    """Generate, write and check one scenario at one site; also return as text how its ego misses the site.
+) -> tuple[GeneratedScenario, list[str], bool]:
+    """Generate, write and check one scenario at one site.
 
-    ``turning``: True to route vehicles through the turn that the ego must make.
+    ``turning``: True to route vehicles along the way through the site that the ego must take.
+
+    Returns:
+        The scenario, how its ego misses the site as text, and whether the ego is astray.
 
     Raises:
         NotPossible: the site cannot provide what the request needs.
@@ -368,8 +382,8 @@ def _write(
     aim = replace(TrafficAim.of(request, site.net), turning=turning)
     lane_km = lane_km_of(site.net)
     demand = plan_counts(request.density, request.on_wheels, lane_km, aim.per_lane_km, fewest=aim.fewest)
-    asked_for = demand.with_ego(request.ego.vehicle_class)
-    traffic = generate_traffic(request, asked_for, aim, site, round_number, path.parent, report)
+    requested_demand = demand.with_ego(request.ego.vehicle_class)
+    traffic = generate_traffic(request, requested_demand, aim, site, round_number, path.parent, report)
     demand = traffic.demand
     ranked = along_the_site(traffic.vehicles, site)
     report(0.75, "choosing ego and goal")
@@ -392,10 +406,10 @@ def _write(
     wanted = request.others
     if wanted is not None:
         choice = EgoChoice(path, lambda chosen: (*cast_of(chosen)[1:], *people))
-        for asked in (wanted, wanted.of_any_class):
+        for requested in (wanted, wanted.of_any_class):
             try:
                 task = choose_task(
-                    spec, to_choose_from, site.network, site.focus, STEP_S, accepts=partial(choice.happens, asked)
+                    spec, to_choose_from, site.network, site.focus, STEP_S, accepts=partial(choice.happens, requested)
                 )
             except NotPossible:  # not on any ego's route
                 continue
@@ -407,10 +421,14 @@ def _write(
     missed = [] if task.focus_passed else [site.focus.missed(only_car=request.ego.index is not None)]
     if not task.on_spot:
         missed.append(site.focus.passed_close_by(only_car=request.ego.index is not None))
+    if not task.turns_clearly:
+        missed.append("the ego also turns elsewhere on its route, or starts or ends too near the site to show its turn")
     if task.focus_passed and not task.focus_left:
         missed.append("the goal is on the site, not beyond it: no car that can be the ego leaves the site in time")
     if not task.takes_most:
-        missed.append("the goal takes less than half of the duration: cars leave the map section earlier")
+        missed.append(
+            "the goal takes less than half of the duration: cars leave the map section or turn elsewhere earlier"
+        )
     if not task.followable:
         missed.append("the ego's lanes curve too sharply for a planner at the mean speed that the goal needs")
         if request.ego.vehicle_class != "car":
@@ -421,25 +439,26 @@ def _write(
             f"{request.ego} has no goal {request.goal.in_words()} on its route; a later car that has one is the ego"
         )
     counted = [] if aim.plan is None else flow_notes(aim.plan, vehicles, site)
-    walking = 0 if request.people is None else people_wanted(request.people, request.density, demand.total)
+    walking = 0 if request.people is None else target_pedestrians(request.people, request.density, demand.total)
     if request.people is not None:
         counted += people_notes(traffic.people, walking)
     scenario = record_of(request, site, demand, aim, task, vehicles, people, obstacle_ids, checks, [*notes, *counted])
-    absences = absences_of(request.ego, asked_for, traffic, vehicles, walking, stands_in=task.stands_in)
+    absences = absences_of(request.ego, requested_demand, traffic, vehicles, walking, stands_in=task.stands_in)
     scenario = scenario.model_copy(update={"absences": absences})
     if wanted is not None and (found := found_in(path, wanted, scenario.vehicle_classes)) is not None:
         scenario = scenario.model_copy(update={"others": found.in_words()})
-    return scenario, [] if notes else missed
+    is_direct = task.focus_passed > 0 and task.on_spot and task.turns_clearly
+    return scenario, [] if notes else missed, request.goal.is_through and not is_direct
 
 
-def _scripted(base: _Attempt, wanted: AskedManoeuvre, seed: int, numbers: Iterator[int]) -> _Attempt | None:
+def _scripted(base: _Attempt, wanted: RequestedManoeuvre, seed: int, numbers: Iterator[int]) -> _Attempt | None:
     """Return an attempt's scenario with an actor that makes the manoeuvre, or None if no actor can.
 
     ``numbers``: the tries that the request has left.
     """
     scenario, folder = base.scenario, base.path.parent
-    classes, asked = scenario.vehicle_classes, scenario.classes_asked
-    needed = [name for name, count in scenario.classes_realised.items() if count <= asked.get(name, 0)]
+    classes, requested = scenario.vehicle_classes, scenario.classes_asked
+    needed = [name for name, count in scenario.classes_realised.items() if count <= requested.get(name, 0)]
     made = scripted(base.path, scenario.benchmark_id, wanted, classes, folder, seed, numbers, needed)
     if made is None:
         return None
@@ -451,4 +470,4 @@ def _scripted(base: _Attempt, wanted: AskedManoeuvre, seed: int, numbers: Iterat
         update={"checks": checks, "others": made.found.in_words()}
     )
     missed = tuple(fault for fault in base.faults if fault not in faults_of(base.scenario.checks)[1])
-    return _Attempt(scenario, made.path, base.site, (*weak, *missed), unusable=False)
+    return _Attempt(scenario, made.path, base.site, (*weak, *missed), unusable=False, astray=base.astray)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...schemas.errors import InvalidRequest
-from ...schemas.generation import AskedManoeuvre, SiteType
+from ...schemas.generation import RequestedManoeuvre, SiteType
 from ...schemas.modification import Edit, ModificationRequest
 from ..commonroad import LoadedScenario, Track, kept_recording
 from ..edits import SCENARIO_FILE, apply_edits
@@ -86,8 +86,8 @@ _DOES = {
 _STAND_IN = "; an ordinary driver in the ego's place does not collide"
 
 
-def first_of(wanted: AskedManoeuvre, met: Sequence[Manoeuvre], class_of: Callable[[int], str]) -> Manoeuvre | None:
-    """Return the earliest manoeuvre that matches the requested one, or None if there is no match."""
+def first_of(wanted: RequestedManoeuvre, met: Sequence[Manoeuvre], class_of: Callable[[int], str]) -> Manoeuvre | None:
+    """Return the earliest manoeuvre that matches the requested manoeuvre, or None if there is no match."""
     fitting = [one for one in met if one.name == wanted.name]
     if wanted.vehicle_class is not None:
         fitting = [one for one in fitting if class_of(one.obstacle_id) == wanted.vehicle_class]
@@ -127,8 +127,8 @@ class EgoChoice:
         self._pairs = 0
         self._met: dict[str, tuple[tuple[Manoeuvre, ...], tuple[str, ...]]] = {}
 
-    def happens(self, wanted: AskedManoeuvre, task: PlanningTask) -> bool:
-        """Return whether the manoeuvre happens on a task's ego's way; False if the ego is not among the first ones."""
+    def happens(self, wanted: RequestedManoeuvre, task: PlanningTask) -> bool:
+        """Return whether the manoeuvre happens on a task's ego's way; False if the ego is not among those examined."""
         key = task.ego.vehicle_id
         if key not in self._met:
             if self._pairs >= MOST_PAIRS:
@@ -143,7 +143,7 @@ class EgoChoice:
         return first_of(wanted, met, classes.__getitem__) is not None
 
 
-def found_in(path: Path, wanted: AskedManoeuvre, classes: dict[int, str]) -> FoundManoeuvre | None:
+def found_in(path: Path, wanted: RequestedManoeuvre, classes: dict[int, str]) -> FoundManoeuvre | None:
     """Return the manoeuvre in a written file, or None if it is not present.
 
     Args:
@@ -196,7 +196,7 @@ class ScriptedScenario:
 def scripted(
     path: Path,
     benchmark_id: str,
-    wanted: AskedManoeuvre,
+    wanted: RequestedManoeuvre,
     classes: dict[int, str],
     folder: Path,
     seed: int,
@@ -251,7 +251,7 @@ def scripted(
 
 
 def _tries(
-    loaded: LoadedScenario, tracks: dict[int, Track], wanted: AskedManoeuvre, classes: dict[int, str]
+    loaded: LoadedScenario, tracks: dict[int, Track], wanted: RequestedManoeuvre, classes: dict[int, str]
 ) -> Iterator[tuple[Edit, ...]]:
     """Yield lists of edits that may create the manoeuvre, in the order in which they are tried."""
     state = loaded.problem().initial_state
@@ -350,7 +350,7 @@ _TRIES: dict[str, Callable[[_Surroundings], Iterator[tuple[Edit, ...]]]] = {
 """Manoeuvres that edits can make; the others must occur in the traffic."""
 
 
-def can_be_scripted(wanted: AskedManoeuvre) -> bool:
+def can_be_scripted(wanted: RequestedManoeuvre) -> bool:
     """Return whether edits can create a manoeuvre; they cannot make a vehicle cross the ego's path."""
     return wanted.name in _TRIES and (wanted.name != "crossing" or wanted.vehicle_class in (None, PEDESTRIAN.name))
 

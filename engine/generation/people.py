@@ -39,11 +39,11 @@ class Footways:
     notes: tuple[str, ...]
 
 
-def people_wanted(asked: VehicleDemand, density: Density, vehicles: int) -> int:
+def target_pedestrians(demand: VehicleDemand, density: Density, vehicles: int) -> int:
     """Return the target number of pedestrians at a site with the given number of vehicles."""
-    if asked.least is not None:
-        return asked.least
-    return round(asked.share * vehicles) or 1 if asked.share else PEOPLE[density]
+    if demand.least is not None:
+        return demand.least
+    return round(demand.share * vehicles) or 1 if demand.share else PEOPLE[density]
 
 
 def open_footways(net_path: Path) -> None:
@@ -59,26 +59,27 @@ def footways_of(net_path: Path, net: SumoNet, pavements: Pavements | None) -> Fo
     Raises:
         NotPossible: the site has no footways.
     """
-    ways = read_walk_net(net_path)
-    if not ways.pavements:
+    walks = read_walk_net(net_path)
+    if not walks.pavements:
         raise nowhere_to_walk()
-    lit = sum(crossing.lit for crossing in ways.crossings.values())
+    lit = sum(crossing.lit for crossing in walks.crossings.values())
     if pavements is None:
-        there = f"{ways.pavement_km:.2f} km of pavements, {counted(len(ways.crossings), 'crossing')}, {lit} with lights"
-        return Footways(ways, (f"{there}; missing ones are guessed along roads up to 50 km/h",))
+        there = (
+            f"{walks.pavement_km:.2f} km of pavements, {counted(len(walks.crossings), 'crossing')}, {lit} with lights"
+        )
+        return Footways(walks, (f"{there}; missing ones are guessed along roads up to 50 km/h",))
     mid_block = {f":{node}" for node in pavements.mid_block}
-    in_block = sum(crossing.edge_id.partition("_")[0] in mid_block for crossing in ways.crossings.values())
-    marked = _marked(ways, net, pavements.crossings) - in_block
+    in_block = sum(crossing.edge_id.partition("_")[0] in mid_block for crossing in walks.crossings.values())
+    marked = _marked(walks, net, pavements.crossings) - in_block
     road_km = pavements.mapped_km + pavements.guessed_km
     guessed = f"guessed for {pavements.guessed_km:.1f} of {road_km:.1f} km of road"
     source = guessed if pavements.guessed_km else "as the map has them"
-    built = counted(len(ways.crossings) - in_block, "crossing")
+    built = counted(len(walks.crossings) - in_block, "crossing")
     between = f"; {in_block} between junctions, as the map marks them" if in_block else ""
-    rule = "vehicles give way there" + (f"; {lit} have lights" if lit else "")
-    note = (
-        f"pavements: {source}; {built} at junctions, {marked} of them from the map, the others guessed{between}; {rule}"
-    )
-    return Footways(ways, (note,))
+    rule = "vehicles give way at them" + (f"; {lit} have lights" if lit else "")
+    origin = f"{marked} of them from the map, the others guessed" if marked else "all guessed"
+    note = f"pavements: {source}; {built} at junctions, {origin}{between}; {rule}"
+    return Footways(walks, (note,))
 
 
 def nowhere_to_walk() -> NotPossible:
@@ -95,15 +96,15 @@ def with_walkways(network: RoadNetwork, footways: Footways) -> RoadNetwork:
     return replace(network, walkways=draw_walkways(footways.net, network.next_id))
 
 
-def _marked(ways: WalkNet, net: SumoNet, marked: Iterable[tuple[float, float]]) -> int:
-    """Count the crossings of a net that are near one that the map marks."""
+def _marked(footways: WalkNet, net: SumoNet, marked: Iterable[tuple[float, float]]) -> int:
+    """Count the crossings of a net that are near a crossing marked on the map."""
     from pyproj import Proj
 
     if not net.projection or not (degrees := list(marked)):
         return 0
     x, y = Proj(net.projection)([east for _, east in degrees], [north for north, _ in degrees])
     points = np.stack([np.asarray(x), np.asarray(y)], axis=1) + np.array(net.offset_m)
-    middles = [crossing.line.mean(axis=0) for crossing in ways.crossings.values()]
+    middles = [crossing.line.mean(axis=0) for crossing in footways.crossings.values()]
     return sum(bool(np.linalg.norm(points - middle, axis=1).min() < MARKED_WITHIN_M) for middle in middles)
 
 

@@ -38,7 +38,7 @@ CREATE TABLE IF NOT EXISTS plan_rows (
 ) WITHOUT ROWID
 """
 _BY_STATE = "CREATE INDEX IF NOT EXISTS plan_rows_by_state ON plan_rows (plan_id, state, map_id, number)"
-_ASKED = """
+_REQUESTS = """
 SELECT DISTINCT json_remove(json_extract(recipe, '$.arguments'), '$.map_content', '$.place', '$.country',
     '$.attribution', '$.index', '$.site_index', '$.site_step', '$.most_sites', '$.most_rounds') FROM artifacts
 WHERE kind = 'scenario' AND json_extract(recipe, '$.tool') = 'generate_scenarios'
@@ -157,7 +157,7 @@ class PlanRows:
         ]
 
     def counts(self) -> PlanCounts:
-        """Count the rows in each state."""
+        """Return the number of rows in each state."""
         states = {
             row["state"]: row for row in self._rows("state, count(*) AS n, sum(reused) AS reused", "1 GROUP BY state")
         }
@@ -244,4 +244,4 @@ class PlanRows:
 
 def made_before(connection: sqlite3.Connection) -> Iterator[dict[str, Any]]:
     """Yield the distinct requests that a workspace's scenarios were generated from, without place or seeds."""
-    return (stored_json(row[0], "the recipe of a scenario") for row in connection.execute(_ASKED))
+    return (stored_json(row[0], "the recipe of a scenario") for row in connection.execute(_REQUESTS))

@@ -2,7 +2,7 @@
 goal.
 
 The ego is a car, or a vehicle of the requested class (``type:truck``); below, "car" means either. Of the cars that can
-have such a goal, the choice prefers one with a drivable recorded path that passes the site along lanes that a planner
+have this goal, the choice prefers one with a drivable recorded path that passes the site along lanes that a planner
 with a reference path can follow. Maps have corners, and where lanes do not face each other, netconvert joins them with
 sideways jogs. Recorded cars cut these corners and jogs, but a planner that follows the centre lines may find no
 trajectory.
@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...schemas.errors import NotPossible, UnknownName, closest, with_values
-from ...schemas.generation import AskedEgo, AskedGoal, LaneletGoal, Turn
+from ...schemas.generation import LaneletGoal, RequestedEgo, RequestedGoal
 from ...schemas.text import counted
 from ..geometry import (
     Points,
@@ -34,11 +34,11 @@ from ..network import WIDEST_TURN_RAD, LaneletLookup, RoadLanelet, RoadNetwork, 
 from ..traffic import GeneratedVehicle
 from ..vehicles import ego_class
 from .sites import SiteFocus
-from .turns import leads_without_change, makes
+from .turns import MadeTurn, drives_through, leads_without_change, turn_made
 
 SHORTEST_PATH_M = 10.0
 """Minimum distance to a goal after a number of steps (chosen): a car that waits has no task."""
-SHORTEST_ASKED_PATH_M = 4.0
+SHORTEST_REQUESTED_PATH_M = 4.0
 """The same for a goal by distance, which is at least 5 m, or by lanelet (chosen)."""
 
 
@@ -46,14 +46,14 @@ SHORTEST_ASKED_PATH_M = 4.0
 class TaskSpec:
     """The request for a planning problem: the goal, the ego, and how long the scenario lasts."""
 
-    goal: AskedGoal
-    ego: AskedEgo
+    goal: RequestedGoal
+    ego: RequestedEgo
     duration_s: float
 
     @property
     def shortest_path_m(self) -> float:
-        """Return the minimum distance that a car must drive to the goal."""
-        return SHORTEST_PATH_M if self.goal.steps is not None or self.goal.is_through else SHORTEST_ASKED_PATH_M
+        """The minimum distance that a car must drive to the goal."""
+        return SHORTEST_PATH_M if self.goal.steps is not None or self.goal.is_through else SHORTEST_REQUESTED_PATH_M
 
 
 TIME_MARGIN_S = 1.5
@@ -76,7 +76,9 @@ class PlanningTask:
     reach within ``time_steps``. These fields rank egos:
 
     - ``focus_passed``: the number of the site's areas that the recorded path to the goal passes.
-    - ``on_spot``: the path passes the exact spot of the site, not only another junction nearby.
+    - ``on_spot``: the path passes the exact spot of the site, not only another junction nearby. If the goal should be
+      beyond it, the path also starts before it.
+    - ``turns_clearly``: the path makes no other turn than the requested one.
     - ``focus_left``: the goal is beyond these areas.
     - ``takes_most``: a goal that should be beyond the site takes at least half of the duration.
     - ``followable``: for such goals, a planner at a steady speed can follow the lanes, and the car's body has room on
@@ -94,6 +96,7 @@ class PlanningTask:
     time_steps: tuple[int, int]
     focus_passed: int = 1
     on_spot: bool = True
+    turns_clearly: bool = True
     focus_left: bool = True
     takes_most: bool = True
     followable: bool = True
@@ -114,9 +117,9 @@ def choose_task(
     replaces it.
 
     Cars are ranked by these criteria in order: the recorded path is drivable; it passes the site; it passes the exact
-    spot; it suits a goal beyond the site; its lanes can be followed. A path suits a goal that must be beyond the site
-    if it leaves the site and takes most of the duration. The first car wins a tie. Tasks that ``accepts``
-    rejects are skipped.
+    spot; it makes no other turn than the requested turn. After these, it must suit a goal beyond the site, and its
+    lanes can be followed. A path suits a goal that must be beyond the site if it leaves the site and takes most of the
+    duration. The first car wins a tie. Tasks that ``accepts`` rejects are skipped.
 
     Raises:
         NotPossible: there are fewer cars than the requested index, or no car reaches the requested goal.
@@ -144,7 +147,7 @@ def choose_task(
         return replace(task, stands_in=True)
     raise NotPossible(
         f"no candidate ego ({counted(len(choice) + len(others), name)} tried) has a goal {goal.in_words()} on its "
-        f"route (at least {spec.shortest_path_m:g} m away within the recording, not around its start)",
+        f"route (at least {spec.shortest_path_m:g} m away, reached within the recording, and clear of its start)",
         valid=_driven_lanelets([*choice, *others], lookup) if goal.lanelet else [],
         next_step="choose another goal, a longer duration_s, another ego or another seed",
         reason=NO_TURN if goal.turn is not None else "",
@@ -164,11 +167,11 @@ def _best_task(
     """Return the task of the best car in the ranking of ``choose_task``, or None if no car has the goal."""
     best: tuple[tuple[int, ...], PlanningTask] | None = None
     for car in cars:
-        task = _task(car, spec, network, lookup, step_s)
-        if task is None or not _makes_requested_turn(task, spec.goal.turn, network, lookup, focus):
+        task = _task(car, spec, network, lookup, focus, step_s)
+        if task is None or (spec.goal.turn == "lane_change" and _is_ahead_in_lane(task, network, lookup)):
             continue
-        task = _with_site_criteria(task, spec, focus, step_s)
-        merit = (car.feasible, task.focus_passed, task.on_spot, task.focus_left, task.takes_most)
+        task = _with_site_criteria(task, spec, focus, network, lookup, step_s)
+        merit = (car.feasible, task.focus_passed, task.on_spot, task.turns_clearly, task.focus_left, task.takes_most)
         if (best is not None and (*merit, True) <= best[0]) or (accepts is not None and not accepts(task)):
             continue
         # If a planner has most of the duration, it drives more evenly than the car, which other traffic may have
@@ -178,19 +181,9 @@ def _best_task(
         smooth = smooth and _has_room(car, task.goal_step, network)
         if best is None or (*merit, smooth) > best[0]:
             best = (*merit, smooth), replace(task, followable=smooth or not spec.goal.is_through)
-        if best[0] == (True, focus.parts, True, True, True, True):
+        if best[0] == (True, focus.parts, True, True, True, True, True):
             break
     return None if best is None else best[1]
-
-
-def _makes_requested_turn(
-    task: PlanningTask, turn: Turn | None, network: RoadNetwork, lookup: LaneletLookup, focus: SiteFocus
-) -> bool:
-    if turn is None:
-        return True
-    if not makes(turn, task.ego, task.goal_step, focus, network, lookup):
-        return False
-    return turn != "lane_change" or not _is_ahead_in_lane(task, network, lookup)
 
 
 def _is_ahead_in_lane(task: PlanningTask, network: RoadNetwork, lookup: LaneletLookup) -> bool:
@@ -202,12 +195,15 @@ def _is_ahead_in_lane(task: PlanningTask, network: RoadNetwork, lookup: LaneletL
     return start is not None and leads_without_change(start, region, network, MOST_DETOUR * task.goal_distance_m)
 
 
-def _with_site_criteria(task: PlanningTask, spec: TaskSpec, focus: SiteFocus, step_s: float) -> PlanningTask:
+def _with_site_criteria(
+    task: PlanningTask, spec: TaskSpec, focus: SiteFocus, network: RoadNetwork, lookup: LaneletLookup, step_s: float
+) -> PlanningTask:
     """Return the task with the parts of the site that it passes and, if required, whether the goal is beyond it."""
     passed = focus.parts_passed(task.ego, task.goal_step)
     on_spot = not passed or focus.is_on_spot(task.ego, task.goal_step)
     if not spec.goal.is_through:
         return replace(task, focus_passed=passed, on_spot=on_spot)
+    on_spot = on_spot and (not passed or drives_through(task.ego, task.goal_step, focus, network, lookup))
     left = passed > 0 and focus.is_left_by(task.ego, task.goal_step)
     return replace(
         task,
@@ -218,14 +214,14 @@ def _with_site_criteria(task: PlanningTask, spec: TaskSpec, focus: SiteFocus, st
     )
 
 
-def _check_lanelet(goal: AskedGoal, network: RoadNetwork) -> None:
+def _check_lanelet(goal: RequestedGoal, network: RoadNetwork) -> None:
     """Raise an error if the network does not have the lanelet, or if the position is beyond it."""
     if goal.lanelet is None:
         return
     key = goal.lanelet.lanelet_id
     if key not in network.lanelets:
         raise UnknownName(
-            f"the site has no lanelet {key}: its ids are known after a scenario of it exists",
+            f"the site has no lanelet {key}; describe_scenario lists the ids once a scenario has been generated there",
             valid=closest(str(key), [str(known) for known in sorted(network.lanelets)]),
             next_step="generate with another goal, then see describe_scenario, or set it with modify_scenario",
             remedies=[with_values(goal=None)],
@@ -244,10 +240,17 @@ def _under(lookup: LaneletLookup, vehicle: GeneratedVehicle, step: int) -> RoadL
 
 
 def _task(
-    car: GeneratedVehicle, spec: TaskSpec, network: RoadNetwork, lookup: LaneletLookup, step_s: float
+    car: GeneratedVehicle, spec: TaskSpec, network: RoadNetwork, lookup: LaneletLookup, focus: SiteFocus, step_s: float
 ) -> PlanningTask | None:
-    """Return the task of a car, or None if it does not reach the goal or lanelets do not lead there."""
-    goal, at_goal = spec.goal, passage(spec, car, network, step_s)
+    """Return the task of a car, or None if it does not reach the goal or lanelets do not lead there.
+
+    A car that must make a turn has its goal before the next one.
+    """
+    goal, at_goal, made = spec.goal, passage(spec, car, network, step_s), MadeTurn(0)
+    if at_goal is not None and goal.turn is not None:
+        turned = turn_made(goal.turn, car, at_goal.step, focus, network, lookup)
+        at_goal = None if turned is None else _at_step(car, turned.last_step, spec)
+        made = turned or made
     if at_goal is None:
         return None
     start = _under(lookup, car, 0)
@@ -257,7 +260,7 @@ def _task(
         end = lookup.under(at_goal.center, at_goal.heading_rad)
     if start is None or end is None or end.lanelet_id not in network.graph.reachable([start.lanelet_id]):
         return None
-    asked = goal.lanelet.size_m if goal.lanelet else None
+    size_m = goal.lanelet.size_m if goal.lanelet else None
     return PlanningTask(
         ego=car,
         goal_step=at_goal.step,
@@ -265,8 +268,9 @@ def _task(
         lanelet_id=end.lanelet_id,
         center=at_goal.center,
         heading_rad=at_goal.heading_rad,
-        size_m=asked or _usual_size(end, at_goal.center, float(car.motion.speeds_mps[at_goal.step])),
+        size_m=size_m or _usual_size(end, at_goal.center, float(car.motion.speeds_mps[at_goal.step])),
         time_steps=_window(spec, at_goal.step, step_s),
+        turns_clearly=made.is_clear,
     )
 
 
@@ -305,17 +309,22 @@ class _Passage:
 
 
 def passage(spec: TaskSpec, car: GeneratedVehicle, network: RoadNetwork, step_s: float) -> _Passage | None:
-    """Return where and when a car is at the goal; None if it never is, or if the goal is too close to its start."""
+    """Return a car's passage of the goal; None if it never is there, or if the goal is too close to its start."""
     goal, driven = spec.goal, arc_length(car.motion.positions)
     if goal.lanelet is not None:
         return _on_lanelet(goal.lanelet, car, network.lanelets[goal.lanelet.lanelet_id], driven)
     step = _farthest(driven, spec.duration_s, step_s) if goal.is_through else _ahead(goal, driven)
-    if step is None or driven[step] < spec.shortest_path_m:
+    return None if step is None else _at_step(car, step, spec)
+
+
+def _at_step(car: GeneratedVehicle, step: int, spec: TaskSpec) -> _Passage | None:
+    """Return a car's passage at a step, or None if that is too close to its start."""
+    if arc_length(car.motion.positions)[step] < spec.shortest_path_m:
         return None
     return _Passage(step, car.motion.positions[step], float(car.motion.headings_rad[step]))
 
 
-def _ahead(goal: AskedGoal, driven: Values) -> int | None:
+def _ahead(goal: RequestedGoal, driven: Values) -> int | None:
     """Return the step after the requested steps or metres, or None if that is beyond the car's recording."""
     if goal.steps is not None:
         return goal.steps if goal.steps < len(driven) else None
@@ -354,7 +363,7 @@ def _on_lanelet(goal: LaneletGoal, car: GeneratedVehicle, lanelet: RoadLanelet, 
         return None
     turned = wrap_angle(float(car.motion.headings_rad[step]) - heading)
     passes = abs(ahead) < LARGEST_GAP_M and abs(aside) < FARTHEST_ASIDE_M and abs(turned) < WIDEST_TURN_RAD
-    return _Passage(step, center, heading) if passes and driven[step] >= SHORTEST_ASKED_PATH_M else None
+    return _Passage(step, center, heading) if passes and driven[step] >= SHORTEST_REQUESTED_PATH_M else None
 
 
 LARGEST_CURVATURE_PER_M = 0.2

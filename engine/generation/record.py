@@ -9,19 +9,19 @@ from ...schemas.generation import (
     ABSENCE_REASONS,
     AbsenceCode,
     AbsenceFate,
-    AskedEgo,
     Checks,
     DensityFacts,
     GeneratedEgo,
     GeneratedScenario,
     GenerationRequest,
+    RequestedEgo,
     SiteFacts,
     VehicleAbsence,
 )
 from ..commonroad import kept_recording
 from ..traffic import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, DroppedVehicle, GeneratedVehicle, lane_km_of
 from ..vehicles import PEDESTRIAN
-from .people import people_wanted
+from .people import target_pedestrians
 from .planning_problem import PlanningTask
 from .site_network import SiteNetwork
 from .traffic import GeneratedTraffic, TrafficAim
@@ -49,7 +49,7 @@ def record_of(
     Args:
         vehicles: the ego and the others.
         people: the pedestrians, which do not count as vehicles.
-        obstacle_ids: CommonRoad's id by the vehicle's id, without the ego.
+        obstacle_ids: the CommonRoad ids of all vehicles except the ego, by the vehicles' ids.
         notes: notes on the traffic and the ego, which precede the notes on differences from the request.
     """
     spot, metadata = site.site, site.metadata
@@ -57,8 +57,10 @@ def record_of(
     counts = Counter(vehicle.vehicle_class.name for vehicle in others)
     density = _density(request, aim, site, vehicles)
     recorded_s = round((max(each.steps for each in (*vehicles, *people)) - 1) * STEP_S, 6)
-    pedestrians, asked = len(people), request.people
-    wanted = {} if asked is None else {PEDESTRIAN.name: people_wanted(asked, request.density, demand.total)}
+    pedestrians, requested = len(people), request.people
+    wanted = (
+        {} if requested is None else {PEDESTRIAN.name: target_pedestrians(requested, request.density, demand.total)}
+    )
     signs = site.network.signs if metadata.speed_sign is None else ()
     limits = {key: round(sign.speed_mps * 3.6, 1) for sign in signs for key in sign.lanelet_ids}
     return GeneratedScenario(
@@ -98,21 +100,21 @@ def record_of(
 
 
 def absences_of(
-    ego: AskedEgo,
-    asked: Demand,
+    ego: RequestedEgo,
+    requested: Demand,
     traffic: GeneratedTraffic,
     vehicles: Sequence[GeneratedVehicle],
     people: int = 0,
     *,
     stands_in: bool,
 ) -> tuple[VehicleAbsence, ...]:
-    """Return why requested vehicles are missing or changed; the counts of a class add up to its missing vehicles.
+    """Return the requested vehicles that are missing or changed, each with the reason.
 
     A removed vehicle counts as replaced if a spare of its class takes its place.
 
     Args:
         ego: the requested ego.
-        asked: the number of vehicles that the request implies at this site.
+        requested: the number of vehicles that the request implies at this site.
         traffic: the recorded vehicles, and the demand that is still unmet.
         vehicles: the ego and the others in the file.
         people: the number of pedestrians that the request implies.
@@ -124,7 +126,7 @@ def absences_of(
     if ego.other_class is not None:
         found.append(_absence("replaced", "no_ego_class", ego.other_class, 1))
     here = Counter(vehicle.vehicle_class.name for vehicle in vehicles)
-    for name, wanted in asked.counts.items():
+    for name, wanted in requested.counts.items():
         missing = wanted - here[name]
         if (fewer := min(wanted - traffic.demand.counts[name], missing)) > 0:
             found.append(_absence("never_there", "file_too_large", name, fewer))
@@ -207,19 +209,19 @@ def _density(
         target_per_lane_km=round(aim.per_lane_km or VEHICLES_PER_LANE_KM[request.density], 2),
         at_start_per_lane_km=round(len(vehicles) / lane_km, 2),
         at_end_per_lane_km=round(staying / lane_km, 2),
-        at_time=aim.asked_by,
+        at_time=aim.density_source,
     )
 
 
 def density_notes(density: DensityFacts, demand: Demand, realised: int) -> list[str]:
-    """Return how many vehicles found no room and, if the density misses its target, why."""
+    """Return notes on the vehicles that found no room and on the reason if the density misses its target."""
     notes = []
     if realised < demand.total:
         notes.append(f"{realised} of {demand.total} vehicles found room on the roads of the site")
     target, reached = density.target_per_lane_km, density.at_start_per_lane_km
     if abs(reached - target) > MISSED_BY * target:
         notes.append(
-            f"{density.asked} missed: {reached:g} vehicles per lane-km at the start instead of {target:g}, "
+            f"{density.requested} missed: {reached:g} vehicles per lane-km at the start instead of {target:g}, "
             f"because {_miss_reason(density, demand, too_many=reached > target)}"
         )
     return notes

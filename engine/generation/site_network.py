@@ -9,6 +9,7 @@ import weakref
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,7 @@ from ..network import (
     RoadNetwork,
     SumoNet,
     TrafficLight,
+    add_connections,
     build_road_network,
     cap_speeds,
     check_network,
@@ -53,7 +55,7 @@ from ..network import (
 )
 from ..traffic import VEHICLES_PER_LANE_KM, WARM_UP_S, lane_km_of, sumo_version
 from .people import Footways, footways_of, nowhere_to_walk, open_footways, with_walkways
-from .sites import SiteFocus, classes_for, middle_of, radius_for, why_not_realised
+from .sites import SiteFocus, classes_for, drawn_ring, middle_of, radius_for, why_not_realised
 from .writer import STEP_S, ScenarioMetadata, copy_network, write_network
 
 _LEFT = """
@@ -128,8 +130,8 @@ def prepare_site(
     usual_m = radius_for(site, request)
     usual = _known_sites().get(request, osm, site, usual_m, folder, report)
     built = usual.built(request, folder)
-    asked = 1 + sum(demand.needed for demand in request.on_wheels)
-    share = asked / max(VEHICLES_PER_LANE_KM["high"] * lane_km_of(built.net), 1.0)
+    requested = 1 + sum(demand.needed for demand in request.on_wheels)
+    share = requested / max(VEHICLES_PER_LANE_KM["high"] * lane_km_of(built.net), 1.0)
     if share <= MOST_CROWDED or isinstance(osm, LaneletMap):
         return usual.judged(request, folder, report)
     wider_m, wider = usual_m * min(math.sqrt(share), MOST_WIDENED), folder / "wider"
@@ -140,7 +142,7 @@ def prepare_site(
         note = f"a wider cut for so many vehicles failed: {refusal.message}"
         narrow = usual.judged(request, folder, report)
         return replace(narrow, notes=(*narrow.notes, note))
-    note = f"cut out {wider_m:.0f} m around the site, not {usual_m:.0f} m, to make room for {asked} vehicles"
+    note = f"cut out {wider_m:.0f} m around the site, not {usual_m:.0f} m, to make room for {requested} vehicles"
     return replace(roomy, notes=(*roomy.notes, note))
 
 
@@ -270,9 +272,10 @@ def _lacks_lights(built: SiteNetwork, osm: OsmMap) -> bool:
 
 
 def _with_signal_at_junction(osm: OsmMap, site: Site) -> OsmMap:
-    """Return the map with a signal at the junction itself; netconvert then creates lights for all its roads."""
-    node = osm.nodes[site.mark]
-    return replace(osm, nodes={**osm.nodes, site.mark: replace(node, tags={**node.tags, "highway": "traffic_signals"})})
+    """Return the map with a signal at each junction of the site; netconvert then creates lights for all its roads."""
+    at_junctions = {part.mark: osm.nodes[part.mark] for part in site.parts}
+    lit = {key: replace(node, tags={**node.tags, "highway": "traffic_signals"}) for key, node in at_junctions.items()}
+    return replace(osm, nodes={**osm.nodes, **lit})
 
 
 def _note_added_lights(built: SiteNetwork) -> SiteNetwork:
@@ -307,8 +310,8 @@ def _passing_note(site: Site, request: GenerationRequest) -> str:
     """Return the note on a site that the requested streets only pass: none of its junctions is on these streets."""
     kind = site.kind.replace("_", " ")
     if len(request.streets) > 1:
-        asked = cited_all((names[0] for names in request.streets), " and ")
-        return f"{asked} do not meet here, but both pass this {kind}"
+        streets = cited_all((names[0] for names in request.streets), " and ")
+        return f"{streets} do not meet here, but both pass this {kind}"
     return f"no {kind} is on {cited(request.streets[0][0])} itself; this one is nearby"
 
 
@@ -346,9 +349,9 @@ def judged(built: SiteNetwork, report: ProgressReporter) -> SiteNetwork:
 def _report_file_errors(built: SiteNetwork, findings: tuple[RuleFinding, ...]) -> SiteNetwork:
     """Return a filled network with the rules' findings; errors in the file itself are reported but not mended."""
     errors = summarise_findings(findings, "error")
-    told = [f"errors of the given road network remain: {'; '.join(errors)}"] if errors else []
+    notes = [f"errors of the given road network remain: {'; '.join(errors)}"] if errors else []
     milder = tuple(finding.model_copy(update={"severity": "warning"}) for finding in findings)
-    return replace(built, findings=milder, notes=(*built.notes, *told))
+    return replace(built, findings=milder, notes=(*built.notes, *notes))
 
 
 def build_network(
@@ -419,8 +422,8 @@ def build_network(
 
 def _friction_of(request: GenerationRequest, stated: frozenset[float | None]) -> float | None:
     """Return the friction of the roads in the requested weather, else the value that the map states for all roads."""
-    asked = None if request.conditions is None else request.conditions.friction
-    return next(iter(stated)) if asked is None and len(stated) == 1 else asked
+    requested = None if request.conditions is None else request.conditions.friction
+    return next(iter(stated)) if requested is None and len(stated) == 1 else requested
 
 
 def _friction_notes(request: GenerationRequest, friction: float | None) -> tuple[str, ...]:
@@ -514,7 +517,8 @@ def _convert_site(
 ) -> tuple[tuple[str, ...], list[str], list[str], RoadNetwork]:
     """Convert a cut; nearby junctions stay apart if joining them would lose the site.
 
-    If turns that are too tight belong to the site, as on a small ring, the corners of junctions are drawn tighter.
+    If turns that are too tight belong to the site, as on a small ring, the corners of junctions are drawn tighter. A
+    ring with two junctions is closed again: netconvert takes its second half for a way back.
 
     Returns:
         netconvert's warnings, notes on changes, notes on removed turns, and the lanelets.
@@ -524,6 +528,7 @@ def _convert_site(
     """
     report(0.1, "running netconvert")
     warnings, notes = convert_map(cut, net_path, lefthand=lefthand, pavements=on_foot)
+    warnings += _close_ring(site, net_path, cut.parent)
     net = read_net(net_path)
     lost = why_not_realised(site, net) is not None
     report(0.15, "building the lanelets")
@@ -535,6 +540,7 @@ def _convert_site(
             cut, net_path, lefthand=lefthand, drivable_service_roads=service, join_junctions=False, pavements=on_foot
         )
         why = "the site was lost in one of them" if lost else "one of them became too large to be drawn"
+        warnings += _close_ring(site, net_path, cut.parent)
         notes.append(f"junctions close together were not joined, because {why}")
         net = read_net(net_path)
         network = _lanelets(net)
@@ -550,6 +556,7 @@ def _convert_site(
             tight_corners=True,
             pavements=on_foot,
         )
+        warnings += _close_ring(site, net_path, cut.parent)
         notes.append(
             "corners of junctions were drawn tighter, because the site was lost with turns that were too tight"
         )
@@ -560,6 +567,17 @@ def _convert_site(
         later, hairpins = (*later, *again), [*hairpins, *more]
         notes.append(f"{counted(len(folded), 'road')} left out because no lanelet can follow them: {_ways_of(folded)}")
     return (*warnings, *later), notes, hairpins, network
+
+
+def _close_ring(site: Site, net_path: Path, scratch: Path) -> tuple[str, ...]:
+    """Connect the edges of a ring if one does not lead to the next, in place; return netconvert's warnings."""
+    if site.kind != "roundabout":
+        return ()
+    net = read_net(net_path)
+    ring = drawn_ring(site, net)
+    met = {(turn.from_edge, turn.to_edge) for turn in net.connections}
+    open_ends = [pair for pair in pairwise((*ring, *ring[:1])) if pair not in met]
+    return add_connections(net_path, open_ends, scratch) if open_ends else ()
 
 
 _SHOWN_WAYS = 3

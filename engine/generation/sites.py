@@ -6,8 +6,8 @@ before its traffic is generated. Distances in m.
 """
 
 import random
-from collections.abc import Callable, Iterable, Mapping, Set
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
@@ -21,17 +21,19 @@ from ...schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, Re
 from ...schemas.generation import THROUGH, TURNS_AT, GenerationRequest, SiteCount, SiteType, Turn
 from ...schemas.text import cited, cited_all
 from ..execution import ProgressReporter
-from ..geometry import Points
+from ..geometry import Points, length_m
 from ..maps import (
     ALL_ROADS,
     EXPRESSWAY_KMH,
     FAST_ROADS,
     LINKS,
+    LONGEST_RING_M,
     RAMP_LINKS,
     ROADS,
     RURAL_CLASSES,
     Gathering,
     OsmMap,
+    OsmWay,
     Site,
     SiteFinder,
     SitePart,
@@ -41,8 +43,9 @@ from ..maps import (
     read_map_file,
     site_finder,
 )
-from ..network import NetEdge, RoadLanelet, RoadNetwork, SumoNet
+from ..network import Digraph, NetEdge, RoadLanelet, RoadNetwork, SumoNet
 from ..traffic import GeneratedVehicle
+from .site_ways import SiteWays
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -69,6 +72,8 @@ ANY_ORDER: tuple[SiteType, ...] = (
 """All types, the rarer first."""
 SAME_PLACE_M = 60.0
 """Sites of different types closer than this are one, like sites of one type (``maps.site_search``)."""
+MOST_CROSSINGS = 20
+"""Maximum number of crossings that are examined for a suggestion (chosen)."""
 SHOWN_NAMES = 3
 """Maximum number of road classes, or of a ramp's streets, that a refusal lists."""
 NEARBY_DEG = 0.0005
@@ -80,7 +85,7 @@ _WITHOUT_LINK: Mapping[Turn, tuple[str, str]] = MappingProxyType(
 
 
 def count_sites(request: GenerationRequest, report: ProgressReporter) -> SiteCount:
-    """Count the different sites of the map that fit a request; the count is at least 1.
+    """Return the number of different sites of the map that fit a request, at least 1.
 
     Raises:
         NotPossible: no site fits; the error lists the types that the map has in the requested area.
@@ -98,7 +103,7 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     Raises:
         NotPossible: the map, street or box has no such site of the requested road classes; the error lists the types
             that it has.
-        InvalidRequest: a ramp without link roads.
+        InvalidRequest: a ramp is requested, but link roads are excluded.
     """
     finder = site_finder(osm, request.road_classes)
     turn = request.goal.turn
@@ -175,8 +180,8 @@ def _box_around(site: Site) -> list[float]:
 
 def other_types(osm: OsmMap, request: GenerationRequest) -> list[SiteType]:
     """Return the other types that have a site on the requested streets and in the requested box."""
-    held = _available_types(site_finder(osm, request.road_classes), request)
-    return [kind for kind in held if kind != request.scenario_type]
+    available = _available_types(site_finder(osm, request.road_classes), request)
+    return [kind for kind in available if kind != request.scenario_type]
 
 
 def _available_types(finder: SiteFinder, request: GenerationRequest) -> list[SiteType]:
@@ -194,7 +199,7 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
             next_step="add link to road_classes, or leave road_classes out",
             remedies=[with_values(road_classes=None)],
         )
-    held = _available_types(finder, request)
+    available = _available_types(finder, request)
     where = " on " + cited_all((names[0] for names in request.streets), " / ") if request.streets else ""
     if request.bbox is not None:
         south, west, north, east = request.bbox
@@ -206,18 +211,20 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
             "; a highway is a motorway or, on a map without one, a trunk road that is signed as a motor road, or is "
             f"one-way with a limit of {EXPRESSWAY_KMH} km/h or more"
         )
-    next_step = f"choose one of these scenario types, or {elsewhere}" if held else f"choose {elsewhere}"
-    if not held and len(request.streets) > 1 and not _meet(osm, request.streets):
-        return _never_meet(finder, request)
+    if wanted == "roundabout":
+        where += _ring_fault(finder, request)
+    next_step = f"choose one of these scenario types, or {elsewhere}" if available else f"choose {elsewhere}"
+    if not available and len(request.streets) > 1 and not _meet(osm, request.streets):
+        return _never_meet(osm, finder, request)
     everywhere = site_finder(osm)
     if request.road_classes and (wanted == "any" or _fitting(everywhere, everywhere.find(wanted), request)):
-        where += f" made of {' or '.join(request.road_classes[:SHOWN_NAMES])} only"
-        next_step = "leave road_classes out" + (", or choose one of these scenario types" if held else "")
+        where += f" with only roads of class {' or '.join(request.road_classes[:SHOWN_NAMES])}"
+        next_step = "leave road_classes out" + (", or choose one of these scenario types" if available else "")
     turn = request.goal.turn
-    suited = [kind for kind in held if turn is None or turn in TURNS_AT[kind]]
+    suited = [kind for kind in available if turn is None or turn in TURNS_AT[kind]]
     remedies = [with_values(scenario_type=kind) for kind in suited[:1]]
-    if held and not suited:
-        remedies = [with_values(scenario_type=held[0], goal=None)]
+    if available and not suited:
+        remedies = [with_values(scenario_type=available[0], goal=None)]
     if (outside := _nearest_outside(finder, request)) is not None:
         streets = cited_all(outside.streets[:SHOWN_NAMES], " / ") or "unnamed roads"
         at = f"{outside.latitude:.5f}, {outside.longitude:.5f}"
@@ -225,7 +232,7 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
         remedies.insert(0, with_values(place=request.map_id, bbox=_box_around(outside)))
     return NotPossible(
         f"{cited(request.place)} ({request.map_id}) has no {wanted_site}{where}",
-        valid=held,
+        valid=available,
         next_step=next_step,
         reason="no_such_site",
         remedies=remedies,
@@ -234,34 +241,83 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
 
 def _meet(osm: OsmMap, streets: tuple[tuple[str, ...], ...]) -> bool:
     """Return whether roads of all these names share a node of the map."""
-    nodes: list[set[int]] = [set() for _ in streets]
-    for way in osm.ways:
-        if not way.road_class:
-            continue
-        called = tuple(way.tags[key] for key in ("name", "ref") if key in way.tags)
-        for held, names in zip(nodes, streets, strict=True):
-            if _carries(called, names):
-                held.update(way.node_ids)
+    nodes = [{key for way in _called(osm, names) for key in way.node_ids} for names in streets]
     return bool(set.intersection(*nodes))
 
 
-def _never_meet(finder: SiteFinder, request: GenerationRequest) -> NotPossible:
-    """Return the refusal of streets that do not meet; it lists those with a site of the requested type."""
+def _ring_fault(finder: SiteFinder, request: GenerationRequest) -> str:
+    """Return why a way tagged as a roundabout on the requested streets is not one; empty without a way like this."""
+    for part, fault in finder.ring_faults():
+        ring = Site("roundabout", *part.position, part.streets, part.mark)
+        if _passes_by(ring, request) and _is_in_box(ring, request):
+            return f"; {ring.osm_id} is tagged as a roundabout, but {fault}"
+    return ""
+
+
+def _never_meet(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -> NotPossible:
+    """Return the refusal of streets that do not meet; it lists the crossing of one of them nearest to the others.
+
+    After that, it lists the streets that have a site of the requested type.
+    """
     named = cited_all((names[0] for names in request.streets), " / ")
     kinds: tuple[SiteType, ...] = ANY_ORDER if request.scenario_type == "any" else (request.scenario_type,)
-    alone = []
-    for names in request.streets:
-        on_street = request.model_copy(update={"streets": (names,)})
-        is_plain = len(place_parts(names[0])) == 1
-        if is_plain and any(_fitting(finder, finder.find(kind), on_street) for kind in kinds):
-            alone.append(f"{names[0]}, {request.place}")
+    crossing = _crossing_nearby(osm, finder, request, kinds)
+    alone = [] if crossing is None else [f"{crossing}, {request.place}"]
+    alone += [
+        f"{names[0]}, {request.place}"
+        for names in request.streets
+        if len(place_parts(names[0])) == 1 and _fitting_any(finder, request, kinds, (names,))
+    ]
     return NotPossible(
         f"{named} do not meet on the map {cited(request.place)} ({request.map_id})",
         valid=map(cited, alone),
-        next_step="choose one of the streets alone, or another crossing" if alone else "choose another place",
+        next_step="choose one of these, or another crossing" if alone else "choose another place",
         reason="no_such_site",
         remedies=[with_values(place=place) for place in alone],
     )
+
+
+def _crossing_nearby(
+    osm: OsmMap, finder: SiteFinder, request: GenerationRequest, kinds: tuple[SiteType, ...]
+) -> str | None:
+    """Return the crossing of a requested street with another one that is nearest to the other requested streets."""
+    if not set(kinds) & {"intersection", "signalised_intersection", "urban"}:
+        return None
+    found: list[tuple[float, str, tuple[tuple[str, ...], ...]]] = []
+    for names in request.streets:
+        if len(place_parts(names[0])) != 1:
+            continue
+        others = [
+            osm.nodes[key].position
+            for other in request.streets
+            if other is not names
+            for way in _called(osm, other)
+            for key in way.node_ids
+        ]
+        for site in _fitting_any(finder, request, kinds, (names,)):
+            for part in site.parts if others else ():
+                crossed = [street for street in part.streets if not _carries((street,), names)]
+                away_m = min(ground_distance_m(part.position, place) for place in others)
+                found += [(away_m, f"{names[0]} / {street}", (names, (street,))) for street in crossed]
+    for _, text, streets in sorted(found, key=lambda one: one[:2])[:MOST_CROSSINGS]:
+        if len(place_parts(text)) == len(streets) and _fitting_any(finder, request, kinds, streets):
+            return text
+    return None
+
+
+def _fitting_any(
+    finder: SiteFinder, request: GenerationRequest, kinds: Iterable[SiteType], streets: tuple[tuple[str, ...], ...]
+) -> list[Site]:
+    """Return the fitting sites of any of the kinds on the given streets instead of the requested kinds."""
+    elsewhere = request.model_copy(update={"streets": streets})
+    return [site for kind in kinds for site in _fitting(finder, finder.find(kind), elsewhere)]
+
+
+def _called(osm: OsmMap, names: tuple[str, ...]) -> Iterator[OsmWay]:
+    """Yield the roads with one of the names."""
+    for way in osm.ways:
+        if way.road_class and _carries(tuple(way.tags[key] for key in ("name", "ref") if key in way.tags), names):
+            yield way
 
 
 def _nearest_outside(finder: SiteFinder, request: GenerationRequest) -> Site | None:
@@ -292,10 +348,14 @@ def _fitting_by_links(
 ) -> dict[SiteType, list[Site]]:
     """Return the fitting sites that links belong to, for each kind that has some.
 
-    Links make a junction only of several requested streets; the ring of a roundabout may be made of them anyway.
+    Links make a junction only of several requested streets; the ring of a roundabout may be made of them anyway. A
+    single street without an urban junction is itself an urban site if it has houses.
     """
     possible = [kind for kind in kinds if kind == "roundabout" or len(request.streets) > 1]
-    return {kind: fitting for kind in possible if (fitting := _fitting(finder, finder.find_by_links(kind), request))}
+    found = {kind: fitting for kind in possible if (fitting := _fitting(finder, finder.find_by_links(kind), request))}
+    if not found and "urban" in kinds and len(request.streets) == 1:
+        found = {"urban": fitting} if (fitting := _fitting(finder, finder.middles_of_streets(), request)) else {}
+    return found
 
 
 _LEAST_BOX_DEG = 1e-9
@@ -348,9 +408,11 @@ def _is_on_streets(streets: tuple[tuple[str, ...], ...], part: SitePart) -> bool
 
 
 def _carries(streets: tuple[str, ...], names: tuple[str, ...]) -> bool:
-    """Return whether the streets include one of the names; numbers in a list (``A 4;E 40``) count individually."""
-    single = [part.strip() for street in streets for part in street.split(";")]
-    return bool({fold(name) for name in names} & {fold(name) for name in single})
+    """Return whether the streets include one of the names; names in a list (``A 4;E 40``) count individually."""
+    held, wanted = (
+        {fold(part) for listed in lists for part in (listed, *listed.split(";"))} for lists in (streets, names)
+    )
+    return not held.isdisjoint(wanted - {""})
 
 
 def radius_for(site: Site, request: GenerationRequest) -> float:
@@ -380,7 +442,7 @@ def why_not_realised(site: Site, net: SumoNet) -> str | None:
     """Return why the net lacks the features of the site's type near the site's middle, or None if it has them."""
     middle = middle_of(site, net)
     judges: dict[SiteType, Callable[[], bool]] = {
-        "roundabout": lambda: bool(_ring_edges_at(net, middle)),
+        "roundabout": lambda: bool(_ring_edges_at(site, net, middle)),
         "signalised_intersection": lambda: any(
             _is_lit(net, key) for key in _junctions_near(net, middle, site.by_links)
         ),
@@ -419,7 +481,7 @@ def road_classes(edge: NetEdge) -> frozenset[str]:
 
 
 def _passes(net: SumoNet, middle: Points, within_m: float, wanted: Callable[[frozenset[str]], bool]) -> bool:
-    """Return whether a road of the wanted classes is near the middle; checks 8 points per segment."""
+    """Return whether a road of the wanted classes is near the site's middle; checks 8 points per segment."""
     roads = {edge.edge_id for edge in net.edges.values() if not edge.internal and wanted(road_classes(edge))}
     lanes = (lane for lane in net.lanes.values() if lane.edge_id in roads)
     return any(float(np.linalg.norm(_dense(lane.shape) - middle, axis=1).min()) < within_m for lane in lanes)
@@ -430,16 +492,46 @@ def _dense(line: Points) -> Points:
     return ((1 - steps) * line[None, :-1] + steps * line[None, 1:]).reshape(-1, 2) if len(line) > 1 else line
 
 
-def _ring_edges_at(net: SumoNet, middle: Points) -> frozenset[str]:
-    """Return the edges of all roundabouts at the middle that are closed and that roads enter."""
+def _ring_edges_at(site: Site, net: SumoNet, middle: Points) -> frozenset[str]:
+    """Return the edges of all roundabouts at the site's middle that are closed and that roads enter.
+
+    netconvert does not mark every ring as a roundabout, for example not one with ``junction=circular``. If no ring is
+    marked, the ring is the circle of one-way edges that the site's ways are part of.
+    """
     before: dict[str, set[str]] = {}
     for turn in net.connections:
         before.setdefault(turn.to_edge, set()).add(turn.from_edge)
-    return frozenset(edge for ring in net.roundabout_edges if _is_ring_at(net, middle, ring, before) for edge in ring)
+    marked = [ring for ring in net.roundabout_edges if _is_ring_at(net, middle, ring, before)]
+    drawn = drawn_ring(site, net)
+    if not marked and drawn and _is_ring_at(net, middle, drawn, before):
+        marked = [drawn]
+    return frozenset(edge for ring in marked for edge in ring)
+
+
+def drawn_ring(site: Site, net: SumoNet) -> tuple[str, ...]:
+    """Return the shortest circle of one-way edges that a tagged way of a roundabout is part of, or an empty tuple.
+
+    The edges follow each other from junction to junction, but may lack connections.
+    """
+    marks = {str(mark) for mark in (site.mark, *(part.mark for part in site.parts))}
+    leaving: dict[str, list[str]] = {}
+    lengths: dict[str, float] = {}
+    for key, edge in net.edges.items():
+        if not edge.internal and edge.lane_ids and f"-{key}".removeprefix("--") not in net.edges:
+            leaving.setdefault(edge.from_junction, []).append(key)
+            lengths[key] = length_m(net.lanes[edge.lane_ids[0]].shape)
+    roads = Digraph[str](lambda key: [(one, lengths[one]) for one in leaving.get(net.edges[key].to_junction, ())])
+    for first in lengths:
+        if first.removeprefix("-").partition("#")[0] in marks:
+            onward = leaving.get(net.edges[first].to_junction, ())
+            ring = roads.cheapest_route(onward, [first])
+            if ring is not None and sum(lengths[key] for key in ring) <= LONGEST_RING_M:
+                return ring
+    return ()
 
 
 def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...], before: Mapping[str, Set[str]]) -> bool:
-    """Return whether a ring is closed, has roads that lead into it, and surrounds the middle or passes near it.
+    """Return whether a ring is closed, has roads that lead into it, and surrounds the site's middle or passes near it.
 
     ``before``: the edges that lead into each edge.
     """
@@ -455,7 +547,10 @@ def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...], before: Map
 
 
 def _junctions_near(net: SumoNet, middle: Points, with_links: bool = False) -> list[str]:
-    """Return the junctions of three or more roads near the middle, not only motorways; ``with_links`` counts links."""
+    """Return the junctions of three or more roads, not only motorways, near the site's middle.
+
+    ``with_links``: whether link roads count.
+    """
     open_to_many = net.drivable_edges("passenger") | net.drivable_edges("delivery")
     roads = [net.edges[key] for key in net.edges if key in open_to_many]
     roads = [edge for edge in roads if with_links or road_classes(edge) - frozenset(LINKS)]
@@ -484,7 +579,7 @@ def _is_lit(net: SumoNet, junction: str) -> bool:
 
 
 def _ramp_near(net: SumoNet, middle: Points) -> bool:
-    """Return whether a link leaves or joins a motorway or trunk road near the middle."""
+    """Return whether a link leaves or joins a motorway or trunk road near the site's middle."""
     for turn in net.connections:
         before, after = (road_classes(net.edges[key]) for key in (turn.from_edge, turn.to_edge))
         joins = (before & FAST_ROADS and after & RAMP_LINKS) or (after & FAST_ROADS and before & RAMP_LINKS)
@@ -508,8 +603,8 @@ REACH_M = 200.0
 class SiteFocus:
     """The areas of a site that its ego's path should pass: the ring, the junction, or link and main road.
 
-    ``ring``: the edges of a roundabout. ``junctions``: the junctions near the middle of a site at junctions;
-    ``spot_junctions``: those of them that the site was made of.
+    ``ring``: the edges of a roundabout. ``ways``: the ways through the ring, or through the junctions that the site was
+    made of; None if a road or a ramp is the site.
     """
 
     def __init__(self, site: Site, net: SumoNet, network: RoadNetwork) -> None:
@@ -517,10 +612,10 @@ class SiteFocus:
         self.kind, self.net = site.kind, net
         self._name = FOCUS_NAMES.get(site.kind, "")
         self._areas = [_area(network, belongs, middle) for belongs in _parts(site, net, middle)]
-        self.ring = _ring_edges_at(net, middle) if site.kind == "roundabout" else frozenset[str]()
-        self._ring_joints = _area(network, lambda one: _joins(one, self.ring, network), middle) if self.ring else None
-        self.junctions = _junctions_of(site, net, middle)
-        self.spot_junctions, self._spot = _spot(site, self.junctions, net, network, middle)
+        ring = _ring_edges_at(site, net, middle) if site.kind == "roundabout" else frozenset[str]()
+        spot, self._spot = _spot(site, _junctions_of(site, net, middle), net, network, middle)
+        self.ways = SiteWays(net, spot, ring) if spot or ring else None
+        self._inside = None if self.ways is None else _area(network, _belongs_to(self.ways, spot, network), middle)
 
     @property
     def parts(self) -> int:
@@ -538,39 +633,25 @@ class SiteFocus:
         return sum(passed) if passed[0] else 0
 
     def is_on_spot(self, car: GeneratedVehicle, last_step: int) -> bool:
-        """Return whether the car passes a junction that the site was made of by the step; True at other sites.
-
-        It passes one if it is inside the junction, or if its nearest point to the junction is on the way, as on the far
-        carriageway of a wide street. A car that only starts or ends near the junction does not pass it.
-        """
+        """Return whether the car is inside a junction that the site was made of by the step; True at other sites."""
         from shapely import contains_xy
 
         if self._spot is None:
             return True
-        positions = car.motion.positions[: last_step + 1]
-        if contains_xy(self._spot.area, *positions.T).any():
-            return True
-        away = np.linalg.norm(positions[None] - self._spot.places[:, None], axis=2)
-        nearest = away.argmin(axis=1)
-        is_passed = (away.min(axis=1) < AT_M) & (nearest > 0) & (nearest < last_step)
-        return bool(is_passed.any())
+        return bool(contains_xy(self._spot, *car.motion.positions[: last_step + 1].T).any())
 
     def inside(self, car: GeneratedVehicle) -> NDArray[np.bool_]:
-        """Return a mask of the steps at which the car's centre is in an area; all False if a road is the site."""
+        """Return a mask of the steps at which the car's centre is on the ring, or in the junctions of the site.
+
+        At a site of several junctions, the edges between them count. If a road or a ramp is the site, all are False.
+        """
         from shapely import contains_xy
 
         x, y = car.motion.positions.T
-        within = np.zeros(len(x), dtype=np.bool_)
-        for area in self._areas:
-            within |= contains_xy(area, x, y)
+        if self._inside is None:
+            return np.zeros(len(x), dtype=np.bool_)
+        within: NDArray[np.bool_] = contains_xy(self._inside, x, y)
         return within
-
-    def is_between_ring_edges(self, car: GeneratedVehicle, step: int) -> bool:
-        """Return True if the car's centre is inside a junction of the ring at a step, on the way round it."""
-        from shapely import contains_xy
-
-        x, y = car.motion.positions[step]
-        return self._ring_joints is not None and bool(contains_xy(self._ring_joints, x, y))
 
     def is_left_by(self, car: GeneratedVehicle, step: int) -> bool:
         """Return whether the car's centre is outside all areas at a step; always True if a road is the site."""
@@ -602,7 +683,7 @@ def _joins(lanelet: RoadLanelet, edges: frozenset[str], network: RoadNetwork) ->
 def _parts(site: Site, net: SumoNet, middle: Points) -> list[Callable[[RoadLanelet], bool]]:
     """Return a function for each area, most important first, that tests whether a lanelet belongs to it."""
     if site.kind == "roundabout":
-        edges = _ring_edges_at(net, middle)
+        edges = _ring_edges_at(site, net, middle)
         return [lambda lanelet: lanelet.edge_id in edges]
     if site.kind in ("signalised_intersection", "intersection", "urban"):
         junctions = _junctions_of(site, net, middle)
@@ -619,18 +700,10 @@ def _junctions_of(site: Site, net: SumoNet, middle: Points) -> frozenset[str]:
     return frozenset(key for key in _junctions_near(net, middle, site.by_links) if _is_lit(net, key) or not lit)
 
 
-@dataclass(frozen=True)
-class _Spot:
-    """The junctions that a site was made of: their area, and where the map has them (n, 2)."""
-
-    area: "BaseGeometry"
-    places: Points
-
-
 def _spot(
     site: Site, junctions: frozenset[str], net: SumoNet, network: RoadNetwork, middle: Points
-) -> tuple[frozenset[str], _Spot | None]:
-    """Return the junctions that a site was made of, and their area and positions (None if no others are near)."""
+) -> tuple[frozenset[str], "BaseGeometry | None"]:
+    """Return the junctions that a site was made of, and their area (None if no other junctions are near)."""
     from shapely import Point, union_all
 
     near = sorted(junctions) if len(junctions) > 1 else []
@@ -640,7 +713,18 @@ def _spot(
     spot = {min(areas, key=lambda key: areas[key].distance(Point(*place))) for place in places} if areas else set()
     if len(spot) == len(areas):
         return junctions, None
-    return frozenset(spot), _Spot(union_all([areas[key] for key in sorted(spot)]), np.array(places))
+    return frozenset(spot), union_all([areas[key] for key in sorted(spot)])
+
+
+def _belongs_to(ways: SiteWays, junctions: frozenset[str], network: RoadNetwork) -> Callable[[RoadLanelet], bool]:
+    """Return a function that tests whether a lanelet is inside a site, between its entries and exits."""
+
+    def belongs(lanelet: RoadLanelet) -> bool:
+        if not lanelet.internal:
+            return lanelet.edge_id in ways.inside
+        return _junction(lanelet) in junctions or _joins(lanelet, ways.inside, network)
+
+    return belongs
 
 
 def _is_in(junction: str, lanelet: RoadLanelet) -> bool:

@@ -10,7 +10,7 @@ import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...schemas.generation import AskedGoal, Density, GenerationRequest, SiteType, VehicleDemand
+from ...schemas.generation import Density, GenerationRequest, RequestedGoal, SiteType, VehicleDemand
 from ...schemas.scenarios import ReadFactsRequest
 from ..catalog import ARCHIVE
 from ..execution import silent
@@ -112,7 +112,7 @@ def _request(plan: _Plan, entry: MapEntry, number: int, folder: str) -> Generati
         density=plan.density,
         vehicles=tuple(VehicleDemand(vehicle_class=name) for name in plan.classes),
         duration_s=plan.duration_s,
-        goal=AskedGoal.of(plan.goal),
+        goal=RequestedGoal.of(plan.goal),
         seed=plan.seed,
         benchmark_number=number,
         folder=folder,

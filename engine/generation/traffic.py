@@ -39,7 +39,7 @@ from ..traffic import (
 )
 from ..vehicles import vehicle_classes
 from .flows import FlowPlan, FlowTrips, plan_flows
-from .people import pedestrians_for, people_among, people_wanted
+from .people import pedestrians_for, people_among, target_pedestrians
 from .site_network import SiteNetwork
 from .sites import middle_of, road_classes
 from .turning_trips import TurningTrips
@@ -68,13 +68,13 @@ LASTING_S = 30.0
 class TrafficAim:
     """The traffic target of a site: vehicles per kilometre of lane, the target's source, and counted routes.
 
-    ``per_lane_km`` is None if the request's density applies; otherwise ``asked_by`` is a time of day or ``counts``. The
-    site gets at least ``fewest`` vehicles. ``turning``: vehicles of the ego's class are routed through the site along
-    the ego's requested turn.
+    ``per_lane_km`` is None if the request's density applies; otherwise ``density_source`` is a time of day or
+    ``counts``. The site gets at least ``fewest`` vehicles. ``turning``: vehicles of the ego's class are routed through
+    the site, along the ego's requested turn if there is one.
     """
 
     per_lane_km: float | None = None
-    asked_by: str = ""
+    density_source: str = ""
     plan: FlowPlan | None = None
     fewest: int = FEWEST
     turning: bool = False
@@ -128,8 +128,8 @@ def generate_traffic(
     lasting_s = min(WARM_UP_S + request.duration_s, LASTING_S)
     needed = {demand.ego_class: 1} | {name: count for name, count in demand.needed.items() if count}
     shortfalls: list[dict[str, int]] = []
-    asked = request.people
-    people = 0 if asked is None else people_wanted(asked, request.density, demand.total)
+    on_foot = request.people
+    people = 0 if on_foot is None else target_pedestrians(on_foot, request.density, demand.total)
     most_people = 0
     more: Counter[str] = Counter()
     if demand.ego_class != "car" or aim.turning:
@@ -138,11 +138,10 @@ def generate_traffic(
         seed = _mixed_seed(request.seed, request.index, attempt + ATTEMPTS * round_number)
         choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
         trips = _trips(request, aim, site.net, lasting_s, choice)
-        turn = request.goal.turn if aim.turning and aim.plan is None else None
-        if turn is not None and (site.focus.junctions or site.focus.ring):  # not if a road or a ramp is the site
+        if aim.turning and aim.plan is None and site.focus.ways is not None:  # not if a road or a ramp is the site
             before_s = WARM_UP_S + request.duration_s / 2
             ego_class = vehicle_classes()[demand.ego_class]
-            trips = TurningTrips(site.net, lasting_s, choice, site.focus, turn, ego_class, before_s)
+            trips = TurningTrips(site.net, lasting_s, choice, site.focus, request.goal.turn, ego_class, before_s)
         for name in sorted(demand.counts):
             trips.check_open(vehicle_classes()[name])
         pedestrians = None
@@ -181,7 +180,7 @@ def generate_traffic(
         absent = _absent(demand, Counter(vehicle.vehicle_class.name for vehicle in kept))
         walked = () if pedestrians is None else people_among(pedestrians, kept, people)
         most_people = max(most_people, len(walked))
-        if not absent and (len(walked) == people or (walked and attempt == ATTEMPTS - 1 and not _is_counted(asked))):
+        if not absent and (len(walked) == people or (walked and attempt == ATTEMPTS - 1 and not _is_counted(on_foot))):
             return GeneratedTraffic(kept, demand, walked, dropped)
         logger.debug("traffic_drawn_again attempt=%d absent=%s people=%d", attempt, absent, len(walked))
         if not absent:
@@ -201,9 +200,9 @@ def generate_traffic(
     raise _no_room(demand, min(shortfalls, key=lambda absent: sum(absent.values())))
 
 
-def _is_counted(asked: VehicleDemand | None) -> bool:
+def _is_counted(demand: VehicleDemand | None) -> bool:
     """Return whether the request sets a number of a class."""
-    return asked is not None and asked.least is not None
+    return demand is not None and demand.least is not None
 
 
 def _trips(
@@ -238,7 +237,7 @@ def _style_of(request: GenerationRequest, friction: float | None) -> DrivingStyl
 
 
 class _Part:
-    """Reports the progress of a part as progress of the whole."""
+    """A reporter that passes the progress of a part on as progress of the whole."""
 
     def __init__(self, whole: ProgressReporter, begin: float, size: float) -> None:
         self._whole, self._begin, self._size = whole, begin, size
@@ -253,7 +252,7 @@ def _mixed_seed(seed: int, index: int, attempt: int) -> int:
 
 
 def _fewer(demand: Demand, share: float, duration_s: float) -> Demand:
-    """Reduce the number of vehicles if a file would have too many states.
+    """Return a demand with fewer vehicles, for a file that would otherwise have too many states.
 
     The factor 0.95 allows for longer drives of the remaining vehicles.
 
@@ -309,7 +308,7 @@ def _listed(counts: Mapping[str, int]) -> str:
 
 
 def without_spares(vehicles: tuple[GeneratedVehicle, ...], demand: Demand) -> tuple[GeneratedVehicle, ...]:
-    """Remove the vehicles of each class beyond the wanted number, last ones first; the ego must come first."""
+    """Remove the vehicles of each class beyond the wanted number, last vehicles first; the ego must come first."""
     seen: Counter[str] = Counter()
     kept: list[GeneratedVehicle] = []
     for vehicle in vehicles:
@@ -337,7 +336,7 @@ ROADS_OF: dict[SiteType, frozenset[str]] = {
 
 
 def along_the_site(vehicles: tuple[GeneratedVehicle, ...], site: SiteNetwork) -> tuple[GeneratedVehicle, ...]:
-    """Order vehicles: those that drive through the middle of the site on its main roads come first."""
+    """Return the vehicles; those that drive through the middle of the site on its main roads come first."""
     middle = middle_of(site.site, site.net)
     lookup = LaneletLookup(site.network)
 
@@ -363,7 +362,7 @@ def _on_road(vehicle: GeneratedVehicle, site: SiteNetwork, lookup: LaneletLookup
 
 
 def _takes_ramp(vehicle: GeneratedVehicle, site: SiteNetwork, lookup: LaneletLookup) -> bool:
-    """Return whether a vehicle soon leaves or joins the main road over a ramp's link; True at other sites."""
+    """Return whether a vehicle soon leaves or joins the main road via a ramp's link; True at other sites."""
     if site.site.kind != "ramp":
         return True
     steps = range(0, min(len(vehicle.motion.positions), WATCHED_STEPS), WATCHED_EVERY)

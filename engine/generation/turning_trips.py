@@ -1,103 +1,38 @@
 """Makes trips through a site along the ego's requested turn, for use if no vehicle of the traffic makes it.
 
-A route through the site is an edge that leads to it, edges inside it, and one that leads away. The headings of the
-first and the last determine the turn, as for a recorded car (``turns``).
+A trip leads straight to the site and straight on behind it where the roads allow this, so that its turn is the one at
+the site.
 """
 
+import math
 import random
-from collections.abc import Iterator
-from dataclasses import dataclass
-
-import numpy as np
+from collections.abc import Mapping, Sequence
 
 from ...schemas.generation import Turn
-from ..geometry import Points, arc_length, interpolate, wrap_angle
+from ..geometry import wrap_angle
 from ..network import SumoNet
 from ..traffic import OpenEdges, TripMaker
 from ..vehicles import VehicleClass
+from .site_ways import direction_rad
 from .sites import SiteFocus
-from .turns import BESIDE_M, turn_of
+from .turns import ASIDE_RAD, CORNER_M
 
-MOST_INSIDE = 12
-"""Maximum number of edges inside a site on a route (chosen): once around a ring with as many arms."""
 TURNING_SHARE = 0.5
 """Share of the trips of the ego's class that make the turn (chosen): the ego must interact with the others."""
 
 
-@dataclass(frozen=True)
-class SiteEdges:
-    """The junctions of a site, or the edges of its ring; ``spot``: junctions that a route must pass."""
-
-    junctions: frozenset[str]
-    spot: frozenset[str]
-    ring: frozenset[str] = frozenset()
-
-    @classmethod
-    def of(cls, focus: SiteFocus) -> "SiteEdges | None":
-        """Return the edges of a site with left or right turns, or None if a road or a ramp is the site."""
-        if not focus.junctions and not focus.ring:
-            return None
-        return cls(focus.junctions, focus.spot_junctions, focus.ring)
-
-    def is_passed(self, net: SumoNet, way: tuple[str, ...]) -> bool:
-        """Return whether a route passes the exact spot of the site."""
-        return bool(self.ring) or any(net.edges[edge].to_junction in self.spot for edge in way[:-1])
-
-    def is_inside(self, net: SumoNet, edge: str) -> bool:
-        """Return whether an edge is part of the ring, or leads from one of the junctions to another."""
-        road = net.edges[edge]
-        between = road.from_junction in self.junctions and road.to_junction in self.junctions
-        return edge in self.ring or (between and not self.ring)
-
-    def leads_in(self, net: SumoNet, edge: str, onward: str) -> bool:
-        """Return whether the step from one edge to the next enters the site."""
-        return onward in self.ring if self.ring else net.edges[edge].to_junction in self.junctions
-
-
-def routes_through(net: SumoNet, edges: OpenEdges, site: SiteEdges) -> Iterator[tuple[Turn, tuple[str, ...]]]:
-    """Yield every route through a site with its turn; the first and last edges are outside the site."""
-    for entry in sorted(edges.following):
-        if site.is_inside(net, entry):
-            continue
-        waiting: list[tuple[str, ...]] = [
-            (entry, onward) for onward in edges.following[entry] if site.leads_in(net, entry, onward)
-        ]
-        while waiting:
-            way = waiting.pop()
-            if not site.is_inside(net, way[-1]):
-                if site.is_passed(net, way):
-                    yield _turn_of_route(net, way), way
-            elif len(way) <= MOST_INSIDE:
-                waiting += [(*way, onward) for onward in edges.following[way[-1]] if onward not in way]
-
-
 def possible_turns(net: SumoNet, focus: SiteFocus, sumo_class: str) -> frozenset[Turn] | None:
     """Return the turns that a vehicle of a SUMO class can make at a site, or None if a road or a ramp is the site."""
-    site = SiteEdges.of(focus)
-    if site is None:
+    if focus.ways is None:
         return None
-    turns = {turn for turn, _ in routes_through(net, OpenEdges.of(net, sumo_class), site)}
+    turns = {turn for turn, _ in focus.ways.through(OpenEdges.of(net, sumo_class))}
     return frozenset(turns | ({"unprotected_left"} if "left" in turns else set()))
-
-
-def _turn_of_route(net: SumoNet, way: tuple[str, ...]) -> Turn:
-    before, behind = (net.lanes[net.edges[edge].lane_ids[0]].shape for edge in (way[0], way[-1]))
-    return turn_of(wrap_angle(_heading(behind, at_end=False) - _heading(before, at_end=True)))
-
-
-def _heading(line: Points, *, at_end: bool) -> float:
-    """Return the heading of the last metres of a line, or of its first metres."""
-    stations = arc_length(line)
-    near = max(float(stations[-1]) - BESIDE_M, 0.0) if at_end else min(BESIDE_M, float(stations[-1]))
-    point = interpolate(line, stations, np.array([near]))[0]
-    step = line[-1] - point if at_end else point - line[0]
-    return float(np.arctan2(step[1], step[0]))
 
 
 class TurningTrips(TripMaker):
     """Makes half of a class's trips along routes through a site; they start up to ``before_s`` seconds before it.
 
-    If no route makes the turn, the trips are the usual ones.
+    Without a ``turn``, they take any route through the site. If no route makes the turn, the trips are the usual trips.
     """
 
     def __init__(
@@ -106,36 +41,69 @@ class TurningTrips(TripMaker):
         lasting_s: float,
         choice: random.Random,
         focus: SiteFocus,
-        turn: Turn,
+        turn: Turn | None,
         vehicle_class: VehicleClass,
         before_s: float,
     ) -> None:
         super().__init__(net, lasting_s, choice)
-        site, wanted = SiteEdges.of(focus), "left" if turn == "unprotected_left" else turn
-        ways = () if site is None else routes_through(net, self.open_to(vehicle_class), site)
-        self._through = tuple(way for made, way in ways if made == wanted)
+        wanted = "left" if turn == "unprotected_left" else turn
+        ways = () if focus.ways is None else focus.ways.through(self.open_to(vehicle_class))
+        self._through = tuple(way for made, way in ways if wanted is None or made == wanted)
         self._class, self._before_s = vehicle_class.name, before_s
 
     def trip(self, vehicle_class: VehicleClass) -> tuple[str, ...]:
-        """Return a trip with the turn or a usual one; the ego's class gets both."""
+        """Return a trip with the turn, or a usual trip; the ego's class gets both."""
         if vehicle_class.name != self._class or not self._through or self._choice.random() >= TURNING_SHARE:
             return super().trip(vehicle_class)
         edges = self.open_to(vehicle_class)
         way = self._choice.choice(self._through)
+        way = self._straight_on(edges, way)
         onward = edges.random_route(way[-1], edges.speed_mps[way[-1]] * self._lasting_s, self._choice, frozenset())
         wanted_s = self._choice.uniform(0.0, self._before_s)
         return (*self._approach(edges, way, wanted_s), *way, *onward[1:])
 
+    def _straight_on(self, edges: OpenEdges, way: tuple[str, ...]) -> tuple[str, ...]:
+        """Return a route with the edges that lead straight on after it, for as long as trips last."""
+        longer = list(way)
+        while edges.travel_s(longer) < self._lasting_s:
+            onward = [edge for edge in edges.following[longer[-1]] if edge not in longer]
+            turned = {edge: self._turned_rad(longer[-1], edge) for edge in onward}
+            if not turned or min(turned.values()) >= ASIDE_RAD:
+                break
+            longer.append(min(turned, key=lambda edge: (turned[edge], edge)))
+        return tuple(longer)
+
     def _approach(self, edges: OpenEdges, way: tuple[str, ...], wanted_s: float) -> tuple[str, ...]:
-        """Return the edges that lead to a route: enough for the wanted time, or all that exist."""
+        """Return the edges that lead to a route: enough for the wanted time, or all that exist.
+
+        They lead straight to it if such edges are long enough.
+        """
         leading: dict[str, list[str]] = {}
         for edge, following in edges.following.items():
             for other in following:
                 leading.setdefault(other, []).append(edge)
+        straight = {
+            other: [edge for edge in before if self._turned_rad(edge, other) < ASIDE_RAD]
+            for other, before in leading.items()
+        }
+        approach = self._leading_to(edges, way, wanted_s, straight)
+        if edges.travel_s(approach) < wanted_s:
+            approach = self._leading_to(edges, way, wanted_s, leading)
+        return tuple(approach[:-1])
+
+    def _leading_to(
+        self, edges: OpenEdges, way: tuple[str, ...], wanted_s: float, leading: Mapping[str, Sequence[str]]
+    ) -> list[str]:
+        """Return random edges that lead to a route, and its first edge."""
         approach = [way[0]]
         while edges.travel_s(approach) < wanted_s:
             fresh = [edge for edge in sorted(leading.get(approach[0], [])) if edge not in approach and edge not in way]
             if not fresh:
                 break
             approach.insert(0, self._choice.choice(fresh))
-        return tuple(approach[:-1])
+        return approach
+
+    def _turned_rad(self, edge: str, onward: str) -> float:
+        """Return by how much a vehicle turns from the end of one edge to the start of the next."""
+        before, behind = (self._net.lanes[self._net.edges[key].lane_ids[0]].shape for key in (edge, onward))
+        return abs(wrap_angle(direction_rad(behind, CORNER_M) - direction_rad(before[::-1], CORNER_M) - math.pi))

@@ -1,12 +1,13 @@
 """Classifies an ego's manoeuvre at its site from its recorded path: turn, go straight, change lane, merge, exit.
 
-At a junction or a roundabout, the heading before the site's first metre is compared with the heading after its last, so
-a drive around a ring counts as one turn. On a ramp, the classes of the roads decide. Left is positive. A left turn is
+At a junction or a roundabout, the directions of the arms by which the car enters and leaves the site decide
+(``site_ways``), so a drive around a ring counts as one turn. On a ramp, the classes of the roads decide. A left turn is
 unprotected if it crosses a lane of the other direction and passes no light.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING
@@ -14,49 +15,158 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...schemas.generation import Turn
-from ..geometry import arc_length, length_m, wrap_angle
+from ..geometry import Values, arc_length, length_m, wrap_angle
 from ..maps import FAST_ROADS, RAMP_LINKS
 from ..network import LaneletLookup, RoadLanelet, RoadNetwork
 from ..traffic import GeneratedVehicle
+from .site_ways import SiteWays, turn_of
 from .sites import SiteFocus, road_classes
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
     from shapely.geometry.base import BaseGeometry
 
-TURN_RAD, BACK_RAD = math.radians(30.0), math.radians(150.0)
-"""A car with a smaller heading change goes straight; one with a larger change than the second turns back (chosen)."""
 OPPOSITE_RAD = math.radians(135.0)
 """A lane that arrives at a larger angle comes from the other side (chosen: a quarter of a circle around it)."""
-BESIDE_M = 10.0
-"""Distance before and after the site at which the headings are taken (chosen): lanes curve near a ring."""
+ASIDE_RAD = math.radians(30.0)
+"""A car with a larger angle to a road's direction does not drive along it (chosen)."""
+CORNER_M = 20.0
+"""A road's own curves are longer than a turn at a junction of streets (chosen)."""
 SEEN_EVERY = 5
 """Steps (0.5 s) between two samples of the lanelet under a car."""
 FARTHEST_HOPS = 4
 """Maximum number of lanelets that a car passes between two samples: inside junctions they are short."""
 
 
-def makes(
-    turn: Turn, car: GeneratedVehicle, last_step: int, focus: SiteFocus, network: RoadNetwork, lookup: LaneletLookup
-) -> bool:
-    """Return whether a car makes the given turn on its path up to a step.
+@dataclass(frozen=True)
+class MadeTurn:
+    """A car's turn at the site, and the last step of its path before it turns elsewhere.
 
-    A turn to the left or right belongs to a junction or ring: the car comes from outside and has left it by then. A car
-    that goes straight does not change lanes if the site is a road, and stays on the main road if it is a ramp.
+    ``is_clear``: the path starts and ends in the directions of the two arms, and has no other turn.
     """
+
+    last_step: int
+    is_clear: bool = True
+
+
+def turn_made(
+    turn: Turn, car: GeneratedVehicle, last_step: int, focus: SiteFocus, network: RoadNetwork, lookup: LaneletLookup
+) -> MadeTurn | None:
+    """Return the given turn if a car makes it on its path up to a step, otherwise None.
+
+    A turn to the left or right belongs to the junctions that the site was made of, or to its ring: the car comes from
+    outside and has left it by then. A car that goes straight does not change lanes if the site is a road, and stays on
+    the main road if it is a ramp.
+    """
+    if turn != "lane_change" and focus.ways is not None:
+        return _made_at_junction(turn, car, last_step, focus.ways, focus, network, lookup)
+    under = _under(car, last_step, lookup)
     if turn == "lane_change":
-        return _changes_lane(_under(car, last_step, lookup), network)
-    if focus.kind == "ramp":
-        return _RAMP[turn](_classes(_under(car, last_step, lookup), focus)) if turn in _RAMP else False
-    if focus.kind in ("highway", "rural"):
-        under = _under(car, last_step, lookup)
-        return turn == "straight" and not _changes_lane(under, network) and _keeps_road(car, last_step)
-    if turn == "unprotected_left":
-        return _turned(car, last_step, focus) == "left" and _is_unprotected(car, last_step, focus, network, lookup)
-    return _turned(car, last_step, focus) == turn
+        is_made = _changes_lane(under, network)
+    elif focus.kind == "ramp":
+        is_made = turn in _RAMP and _RAMP[turn](_classes(under, focus))
+    else:
+        is_made = turn == "straight" and not _changes_lane(under, network) and _keeps_road(car, last_step)
+    return MadeTurn(last_step) if is_made else None
+
+
+def drives_through(
+    car: GeneratedVehicle, last_step: int, focus: SiteFocus, network: RoadNetwork, lookup: LaneletLookup
+) -> bool:
+    """Return whether a car enters and leaves the site's own junctions or ring up to a step; True at other sites."""
+    return focus.ways is None or any(_passages(car, last_step, focus.ways, focus, network, lookup))
+
+
+@dataclass(frozen=True)
+class _Passage:
+    """A car's drive through a site: the edges before and after it, and its first and last step inside."""
+
+    entry: str
+    exit: str
+    first: int
+    last: int
+
+
+def _made_at_junction(
+    turn: Turn,
+    car: GeneratedVehicle,
+    last_step: int,
+    ways: SiteWays,
+    focus: SiteFocus,
+    network: RoadNetwork,
+    lookup: LaneletLookup,
+) -> MadeTurn | None:
+    passage = next(_passages(car, last_step, ways, focus, network, lookup), None)
+    wanted: Turn = "left" if turn == "unprotected_left" else turn
+    if passage is None or turn_of(ways.turned_rad(passage.entry, passage.exit)) != wanted:
+        return None
+    if turn == "unprotected_left" and not _is_unprotected(car, passage, last_step, network, lookup):
+        return None
+    driven, headings = arc_length(car.motion.positions), car.motion.headings_rad
+    arrives, leaves = ways.arrives_rad(passage.entry), ways.leaves_rad(passage.exit)
+    approach = max(int(np.searchsorted(driven, driven[passage.first] - ways.diameter_m, side="right")), 1)
+    is_clear = not bool(_is_off(headings[:approach], arrives).any())
+    beyond = min(int(np.searchsorted(driven, driven[passage.last] + ways.diameter_m)), last_step)
+    onward = headings[beyond : last_step + 1]
+    off = _is_off(onward, leaves)
+    if is_clear:
+        off |= np.array([turn_of(wrap_angle(float(one) - float(headings[0]))) != wanted for one in onward])
+    if not off.any():
+        return MadeTurn(last_step, is_clear)
+    if off[0]:
+        return MadeTurn(last_step, is_clear=False)
+    step = beyond + int(np.argmax(off)) - 1
+    while step > beyond and not _is_on_road(lookup.under(car.motion.positions[step], float(headings[step]))):
+        step -= 1
+    return MadeTurn(step, is_clear)
+
+
+def _is_off(headings: Values, direction_rad: float) -> "NDArray[np.bool_]":
+    """Return a mask of the headings at which a car does not drive in a direction."""
+    return np.array([abs(wrap_angle(float(one) - direction_rad)) >= ASIDE_RAD for one in headings], dtype=np.bool_)
+
+
+def _is_on_road(lanelet: RoadLanelet | None) -> bool:
+    return lanelet is not None and not lanelet.internal
+
+
+def _passages(
+    car: GeneratedVehicle, last_step: int, ways: SiteWays, focus: SiteFocus, network: RoadNetwork, lookup: LaneletLookup
+) -> Iterator[_Passage]:
+    """Yield the car's drives through the site up to a step, except those that start or end inside it."""
+    steps = np.flatnonzero(focus.inside(car)[: last_step + 1])
+    for run in np.split(steps, np.flatnonzero(np.diff(steps) > 1) + 1):
+        if not len(run):
+            continue
+        first, last = int(run[0]), int(run[-1])
+        entry = _first_edge(car, range(first - 1, -1, -1), ways.entries, network, lookup)
+        exit_ = _first_edge(car, range(last + 1, last_step + 1), ways.exits, network, lookup)
+        if entry in ways.entries and exit_ in ways.exits:
+            yield _Passage(entry, exit_, first, last)
+
+
+def _first_edge(
+    car: GeneratedVehicle, steps: Iterable[int], wanted: frozenset[str], network: RoadNetwork, lookup: LaneletLookup
+) -> str:
+    """Return the first edge under a car at these steps, or an empty text if there is none.
+
+    The edges before a ring may be shorter than a step. If the car is in a junction at one end of a ``wanted`` edge, it
+    has passed that edge or will pass it.
+    """
+    for step in steps:
+        lanelet = lookup.under(car.motion.positions[step], float(car.motion.headings_rad[step]))
+        if lanelet is None:
+            continue
+        if not lanelet.internal:
+            return lanelet.edge_id
+        joined = {network.lanelets[key].edge_id for key in (*lanelet.predecessors, *lanelet.successors)} & wanted
+        if len(joined) == 1:
+            return joined.pop()
+    return ""
 
 
 def _is_unprotected(
-    car: GeneratedVehicle, last_step: int, focus: SiteFocus, network: RoadNetwork, lookup: LaneletLookup
+    car: GeneratedVehicle, passage: _Passage, last_step: int, network: RoadNetwork, lookup: LaneletLookup
 ) -> bool:
     """Return whether a car crosses a lane of the direction opposite to its approach, and passes no light."""
     from shapely import LineString
@@ -66,9 +176,8 @@ def _is_unprotected(
     under = set(passed)
     if lit & set(passed[:-1]):  # a light is at the end of its lanelet
         return False
-    steps = np.flatnonzero(focus.inside(car)[: last_step + 1])
-    approach = float(car.motion.headings_rad[max(int(steps[0]) - 1, 0)])
-    driven = LineString(car.motion.positions[steps[0] : steps[-1] + 2])
+    approach = float(car.motion.headings_rad[passage.first - 1])
+    driven = LineString(car.motion.positions[passage.first : passage.last + 2])
     for key, lanelet in network.lanelets.items():
         line = lanelet.center
         if key in under or not lanelet.internal or len(line) < 2:
@@ -79,34 +188,11 @@ def _is_unprotected(
     return False
 
 
-def _turned(car: GeneratedVehicle, last_step: int, focus: SiteFocus) -> Turn | None:
-    """Return the car's turn at the junction or ring, or None if its path does not start and end outside it."""
-    steps = np.flatnonzero(focus.inside(car)[: last_step + 1])
-    if not len(steps) or steps[0] == 0 or steps[-1] == last_step:
-        return None
-    if focus.is_between_ring_edges(car, 0) or focus.is_between_ring_edges(car, last_step):
-        return None
-    driven = arc_length(car.motion.positions)
-    before = int(np.searchsorted(driven, driven[steps[0]] - BESIDE_M))
-    behind = min(int(np.searchsorted(driven, driven[steps[-1]] + BESIDE_M)), last_step)
-    headings = car.motion.headings_rad
-    return turn_of(wrap_angle(float(headings[behind]) - float(headings[before])))
-
-
-def turn_of(turned_rad: float) -> Turn:
-    """Return the turn of a car at a junction or ring, by the change of its heading there, left positive."""
-    if abs(turned_rad) > BACK_RAD:
-        return "u_turn"
-    if abs(turned_rad) < TURN_RAD:
-        return "straight"
-    return "left" if turned_rad > 0 else "right"
-
-
 def _keeps_road(car: GeneratedVehicle, last_step: int) -> bool:
     """Return whether the car never turns as sharply as at a junction; a road's own curves are long."""
     driven, headings = arc_length(car.motion.positions), np.unwrap(car.motion.headings_rad)
-    ahead = np.minimum(np.searchsorted(driven, driven[: last_step + 1] + 2 * BESIDE_M), last_step)
-    return bool(np.abs(headings[ahead] - headings[: last_step + 1]).max() < TURN_RAD)
+    ahead = np.minimum(np.searchsorted(driven, driven[: last_step + 1] + CORNER_M), last_step)
+    return bool(np.abs(headings[ahead] - headings[: last_step + 1]).max() < ASIDE_RAD)
 
 
 def _under(car: GeneratedVehicle, last_step: int, lookup: LaneletLookup) -> list[RoadLanelet]:
@@ -161,7 +247,7 @@ def leads_without_change(start: RoadLanelet, region: "BaseGeometry", network: Ro
 
 
 def _classes(under: list[RoadLanelet], focus: SiteFocus) -> list[frozenset[str]]:
-    """Return the OSM classes of the roads under a car in order, without the insides of junctions."""
+    """Return the OSM classes of the roads under a car in order; the insides of junctions are left out."""
     return [road_classes(focus.net.edges[lanelet.edge_id]) for lanelet in under if not lanelet.internal]
 
 

@@ -21,6 +21,7 @@
 ``without_repeats``: Returns the polyline without vertices that are nearer than the tolerance to the previous one.
 ``wrap_angle``: Wraps an angle to [−π, π).
 ``wrap_angles``: Wraps angles to [−π, π).
+``Lookup``: Interpolates single values in a table, as ``np.interp`` does but faster.
 ``meeting_pairs``: Returns the pairs of shapely shapes that meet, up to a number of pairs that grows with the shapes.
 ``BoxTrack``: A rectangle (length, width in m) at every step from 0.
 ``first_overlaps``: Returns all pairs of tracks that overlap, each with its first step of overlap.
@@ -35,6 +36,7 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .curves import hermite, unit
     from .following import PathFollower, project_along
+    from .lookup import Lookup
     from .pairs import meeting_pairs
     from .polyline import (
         Points,

@@ -1,6 +1,6 @@
 """Cubic curves between two points with given directions at both ends.
 
-They draw paths over junctions, bounds of lanelets, and lane changes of reference paths. The formula does not use
+They draw paths across junctions, bounds of lanelets, and lane changes of reference paths. The formula does not use
 ``scipy.interpolate.CubicHermiteSpline``, which evaluates powers of the distance from a knot. Its result differs in the
 last bits, so the paths that planners follow, and their recorded runs, would change.
 """
@@ -42,6 +42,6 @@ def hermite(
 
 
 def unit(vector: Points) -> Points:
-    """Scale a vector (2,) to length 1; leave a vector of almost zero length unchanged."""
+    """Return a vector (2,) scaled to length 1; a vector of almost zero length stays unchanged."""
     scaled: Points = vector / max(float(np.linalg.norm(vector)), 1e-9)
     return scaled

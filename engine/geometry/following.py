@@ -82,7 +82,7 @@ class PathFollower:
         return stations[np.argsort(distances, kind="stable")[:_MOST_BEGINNINGS]]
 
     def _near_the_last(self, x: float, y: float, last_m: float, reach_m: float) -> tuple[int, float, float] | None:
-        """Return the best position in the window around the last one, or None if one outside it may be better."""
+        """Return the best position within a window of ``last_m``, or None if a position outside may be better."""
         window_m = reach_m + _WINDOW_M
         low = max(int(np.searchsorted(self._stations, last_m - window_m)) - 1, 0)
         high = min(int(np.searchsorted(self._stations, last_m + window_m)) + 1, len(self._squared))
@@ -114,7 +114,7 @@ class PathFollower:
 
 
 def _costs(stations: Values, distances: Values, last_m: float, reach_m: float) -> Values:
-    """Return the costs of positions as a track's next one: their distance, and their excess over its reach."""
+    """Return the costs of positions as a track's next position: their distance, and their excess over its reach."""
     return distances + _COST_PER_M * np.maximum(np.abs(stations - last_m) - reach_m, 0.0)
 
 

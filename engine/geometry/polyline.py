@@ -17,7 +17,7 @@ Values = NDArray[np.float64]
 
 
 def without_repeats(points: Points, tolerance_m: float = 1e-3) -> Points:
-    """Return the polyline without vertices nearer than the tolerance to the previous one; any number of points."""
+    """Return the polyline without vertices nearer than the tolerance to the previous vertex; any number of points."""
     points = np.asarray(points, dtype=float)
     if len(points) < 2:
         return points

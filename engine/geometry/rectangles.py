@@ -119,9 +119,7 @@ class _Boxes:
         return index + 1 + later[rows], steps
 
     def overlap(self, index: int, others: _Indices, steps: _Indices) -> NDArray[np.bool_]:
-        """Return whether a track overlaps others (k,) at steps (k,), which holds if no axis of either rectangle
-        separates them.
-        """
+        """Return a mask (k,): whether a track overlaps each of the tracks (k,) at steps (k,), by separating axes."""
         apart = self.centers[others, steps] - self.centers[index, steps]
         here_rad, there_rad = self.headings_rad[index, steps], self.headings_rad[others, steps]
         their_half = self.half_m[others]

@@ -9,7 +9,7 @@
 ``read_map``: An operation that returns the facts of a map file, including its place and country.
 ``MapEntry``: An available map: its facts and its file.
 ``Closeness``: How closely a text must match the names on a map.
-``file_stem``: Returns a file's name without the endings of map files.
+``file_stem``: Returns a file's name without the extensions of map files.
 ``names_elsewhere``: Returns the keys of a place and of its names in other languages.
 ``settlements_called``: Returns the settlements of the world that have a name, largest first.
 ``MapMatch``: A map that contains the requested place, with the streets that the site must be on.
@@ -30,6 +30,7 @@
 ``site_finder``: Returns the finder of sites on a map; the finder of the last map read is reused.
 ``ground_distance_m``: Returns the distance in m between two positions in degrees.
 ``OsmMap``: An OpenStreetMap extract as nodes, ways and relations.
+``OsmWay``: A way of an extract: its tags and the ids of its nodes.
 ``fetch_maps``: An operation that fetches the roads of a place or box from Overpass.
 ``locate_place``: An operation that resolves the name of a place through Nominatim.
 ``match_fetched``: Returns a match of a fetched map with the requested place.
@@ -53,13 +54,14 @@
 ``RoadReader``: Writes the tags of a site's roads in the form that netconvert reads, and reports omissions.
 ``Site``: A place on a map: type, centre in degrees, streets, and the node or way that marks it.
 ``SitePart``: One of the positions that were merged into a site.
+``LONGEST_RING_M``: Maximum length around a roundabout in m.
 ``SiteFinder``: Finds the sites of one map by type.
-``MAP_ENDINGS``: File-name endings of maps.
+``MAP_ENDINGS``: File-name extensions of maps.
 ``is_binary``: Returns whether a file's name is that of a binary extract.
 ``is_large``: Returns whether a file is a binary extract that must be read into tiles.
 ``is_map``: Returns whether a file's name is that of a map.
 ``is_net``: Returns whether a file's name is that of an uncompressed SUMO network.
-``named_by_content``: Returns a map under a name with the ending of its format.
+``named_by_content``: Returns a map under a name with the extension of its format.
 ``root_element``: Returns the root element of a file if it is that of a map format.
 ``stored_name``: Returns the name under which a map is stored, uncompressed.
 ``unpacked``: Returns a map as a plain file, unpacked into a folder if it is compressed.
@@ -94,7 +96,7 @@ if TYPE_CHECKING:
     from .naming.places import countries_spelt_like, country_code, country_name, fold, place_keys
     from .online.fetch import fetch_maps
     from .online.places import locate_place
-    from .osm import OsmMap, ground_distance_m, write_as_xml
+    from .osm import OsmMap, OsmWay, ground_distance_m, write_as_xml
     from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, resolve_road_classes
     from .site_roads.cut import cut_map, cut_net
     from .site_roads.jurisdictions import jurisdiction_of
@@ -102,6 +104,7 @@ if TYPE_CHECKING:
     from .site_roads.road_reader import RoadReader
     from .site_search.finder import EXPRESSWAY_KMH, Site, SiteFinder, SitePart
     from .site_search.nearness import Gathering
+    from .site_search.rings import LONGEST_RING_M
     from .unpacking import (
         MAP_ENDINGS,
         foreign_format,

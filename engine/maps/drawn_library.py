@@ -221,7 +221,7 @@ def _nearest(line: list[Point], east: float) -> Point:
 
 
 def _urban_grid() -> Sketch:
-    """Draw a grid of five by five streets; the two main ones have traffic lights at their intersections."""
+    """Draw a grid of five by five streets; the two main streets have traffic lights at their intersections."""
     town = Sketch("Quadratstadt", NORTH_SEA[0], NORTH_SEA[1] + 0.10)
     lines = [-200.0, -95.0, 0.0, 90.0, 190.0]
     edge = (-280.0, 270.0)

@@ -1,7 +1,7 @@
 """Reads the facts of a map from its file: place, country, roads, sites.
 
 A table of borders (Natural Earth 1:10m, public domain, simplified to about 2 km) determines the country. The table is
-coarse, so there is no answer near a border, where it could be wrong.
+coarse, so near a border, where it could be wrong, the settlements of GeoNames decide, or nothing does.
 """
 
 import gzip
@@ -9,6 +9,7 @@ import json
 import math
 import re
 from collections import Counter
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import accumulate
 from pathlib import Path
@@ -18,6 +19,7 @@ from ...schemas.generation import MAP_FACTS_VERSION, MapFacts, ReadMapRequest
 from ...schemas.text import LONGEST_TEXT, one_line
 from ..execution import ProgressReporter
 from .map_file import read_map_file
+from .naming.gazetteer import country_of_nearest, settlements_called
 from .naming.places import country_code
 from .naming.shown import MOST_PLACES, areas_shown, places_shown
 from .naming.tags import MOST_NAMES, names_of, refs_of
@@ -28,15 +30,18 @@ from .unpacking import MAP_ENDINGS
 if TYPE_CHECKING:
     from shapely import Polygon, STRtree
 
+_NEAR_M = 25_000.0
+"""Maximum distance of a settlement in GeoNames from the map that shows it (chosen)."""
 MOST_STREETS = 10_000
 """Maximum number of street names, and of road numbers, in a map's facts, the longest roads first (chosen)."""
 
 
 def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
-    """Read a map file and return its facts; place and country are never guessed.
+    """Read a map file and return its facts.
 
-    The place comes from place nodes and addresses in the file, or from the caller. The country comes from the caller,
-    from addresses (``addr:country``), or from the map's location (``borders.py``).
+    The place comes from the caller, or from places and addresses in the file. If they only name parts of a settlement,
+    it is the settlement that GeoNames has around the map. The country comes from the caller, from addresses
+    (``addr:country``), or from the map's location and, near a border, the settlements there.
 
     Raises:
         UnsafeInput: the file is broken, hostile or not a map.
@@ -56,7 +61,7 @@ def facts_of(osm: OsmMap, request: ReadMapRequest) -> MapFacts:
     roads = osm.roads()
     south, west, north, east = osm.bounds
     near = countries_near(osm.bounds)
-    country = request.country or osm.country or _country(osm) or (near[0] if len(near) == 1 else None)
+    country = request.country or osm.country or _country(osm) or _country_among(near, names, osm.bounds)
     return MapFacts(
         map_id=request.map_id or _map_id_of(path),
         file_name=_shown_name(path),
@@ -80,7 +85,7 @@ def facts_of(osm: OsmMap, request: ReadMapRequest) -> MapFacts:
 
 
 def _shown_name(path: Path) -> str:
-    """Return a file's name on one line, with its endings, which state its format."""
+    """Return a file's name on one line, with its extensions, which state its format."""
     stem, ending = next(
         ((path.name[: -len(end)], path.name[-len(end) :]) for end in MAP_ENDINGS if path.name.lower().endswith(end)),
         (path.stem, path.suffix),
@@ -114,6 +119,30 @@ def _country(osm: OsmMap) -> str | None:
         if tags.get("addr:country") and (code := country_code(tags["addr:country"]))
     )
     return min(codes, key=lambda code: (-codes[code], code)) if codes else None
+
+
+def _country_among(
+    near: tuple[str, ...], names: Sequence[str], bounds: tuple[float, float, float, float]
+) -> str | None:
+    """Return the country of a map near the borders of these countries, or None if it is not certain.
+
+    It is the country of the map's place, if GeoNames has it in only one of them within ``_NEAR_M``, or the one with a
+    settlement much nearer to the map's middle and corners than the settlements of the others.
+    """
+    if len(near) < 2:
+        return near[0] if near else None
+    south, west, north, east = bounds
+    middle = (south + north) / 2, (west + east) / 2
+    called = {
+        one.country
+        for one in settlements_called(names[0] if names else "")
+        if ground_distance_m(middle, (one.latitude, one.longitude)) <= _NEAR_M
+    }
+    if len(called) != 1:
+        points = (middle, (south, west), (south, east), (north, west), (north, east))
+        called = {country_of_nearest(point, near) or "" for point in points}
+    country = called.pop()
+    return country if not called and country in near else None
 
 
 def _by_length(osm: OsmMap, key: str) -> tuple[str, ...]:
@@ -159,7 +188,7 @@ def countries_near(bounds: tuple[float, float, float, float]) -> tuple[str, ...]
 
 @lru_cache(maxsize=1)
 def _table() -> tuple["STRtree", tuple[str, ...]]:
-    """Return a spatial tree of all areas, with the country code of each."""
+    """Return a spatial tree of all areas, and the country code of each area."""
     from shapely import STRtree
 
     rows = json.loads(gzip.decompress(BORDERS.read_bytes()))

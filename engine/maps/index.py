@@ -1,4 +1,4 @@
-"""Finds an available map by what the user calls it: place, street, intersection, road number, id, box.
+"""Finds an available map by a user's description: place, street, intersection, road number, id, box.
 
 The database stores the result for each file in the map folders, so each file is unpacked and read only once.
 """
@@ -9,8 +9,8 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from functools import cache, lru_cache
-from itertools import takewhile
+from functools import cache, lru_cache, partial
+from itertools import product, takewhile
 from pathlib import Path
 
 from ...schemas.errors import UnknownName, with_values
@@ -18,13 +18,23 @@ from ...schemas.generation import MapFacts, MapList, PlaceArea, ScenarioType
 from ...schemas.maps import Box, NamedPlace
 from ...schemas.text import LONGEST_TEXT, cited, cited_all
 from ..workspace import Database, versions_of
-from .naming.alike import is_abbreviated, is_half_of, is_long_enough, is_transliterated, is_with_kind
+from .naming.alike import (
+    SHORTEST_BEGUN,
+    beginning,
+    is_abbreviated,
+    is_half_of,
+    is_inflected,
+    is_long_enough,
+    is_transliterated,
+    is_with_kind,
+)
 from .naming.gazetteer import Settlement, settlements_called
 from .naming.places import countries_spelt_like, country_code, fold, latin, place_keys
 from .naming.regions import region_of
 from .naming.spellings import (
     MOST_KEPT,
     distinctive,
+    has_same_numbers,
     is_only_a_kind,
     kinds_of_road,
     names_a_street,
@@ -123,8 +133,10 @@ _HOUSE_NUMBER = re.compile(r"\s+\d+\s?[a-z]?$|^\d+[a-z]?\s+", re.IGNORECASE)
 _DISTRICT_NUMBER = re.compile(r"\s+(?:\d{1,2}(?:e|er|[°º.])?|[ivx]+)$", re.IGNORECASE)
 _CROSSING_SIGNS = re.compile(r"[/&+×@]")
 """Signs between the roads of a crossing. A text with one names two roads, so no single name can be like all of it."""
-_WORDS_BEFORE = 3
-"""Maximum number of words before the first of two roads (chosen): a preposition, a noun and its preposition."""
+_WORDS_BEFORE, _WORDS_AFTER = 3, 2
+"""Maximum number of words before the first of two roads (chosen): a preposition, a noun and its preposition; and of
+words after the second one.
+"""
 _PREPOSITIONS = frozenset(("in", "at", "near", "im", "bei", "à", "a", "en", "em", "nel", "в", "i", "w", "of", "auf"))
 """Words between a road and its place: libpostal's stopwords that express a location."""
 _EARTH_RADIUS_M = 6_371_008.8
@@ -181,7 +193,7 @@ class MapMatch:
 
     @property
     def widened(self) -> "MapMatch | None":
-        """Return a match of the whole map if streets are outside their place's circle, or None if that is a limit.
+        """A match of the whole map if streets are outside their place's circle, or None if that is a limit.
 
         The circle of a town is mostly a guess, and an intersection of streets is unique. A quarter, however, states
         which part of a single street is requested.
@@ -196,7 +208,10 @@ class MapMatch:
 
     @property
     def box(self) -> Box | None:
-        """Return the box around ``area``, inside the core of a fetched map; None if the whole map is requested."""
+        """The box to search: around ``area``, and within the part of a fetched map whose roads are complete.
+
+        The box is None if neither limits it. If they don't overlap, it is the part with complete roads.
+        """
         area = None if self.area is None else _box_around(self.area)
         core = None if self.entry.facts.source is None else self.entry.facts.source.core
         if area is None or core is None:
@@ -314,7 +329,7 @@ def _in_box(matches: list[MapMatch], bbox: Box) -> list[MapMatch]:
         raise UnknownName(
             f"no map covers any part of the box {list(bbox)}",
             valid=[f"{_box_text(f)}, {_km_between(_box_of(f), bbox):,.0f} km away" for f in nearest[:_NEAREST_SHOWN]],
-            next_step="choose a box inside one of these maps, the nearest",
+            next_step="choose a box inside one of these maps, which are the nearest",
             reason=NOT_SHOWN,
             remedies=[with_values(bbox=list(_box_of(facts))) for facts in nearest[:1]],
         )
@@ -395,7 +410,7 @@ def _is_town_of(part: str, facts: MapFacts) -> bool:
 
 
 def _add_incomplete_roads(shown: list[MapMatch], found: list[MapMatch], text: str, level: Closeness) -> list[MapMatch]:
-    """Add the roads that begin with the given text, since its last word may be only half typed.
+    """Return the matches with the roads added that begin with the text, since its last word may be half typed.
 
     ``Rue de B`` is a spelling of ``B Street``, and the beginning of ``Rue de Bretagne``. This adds no roads to a place,
     to a road with exactly this name, or to one that the text abbreviates (``Main St``: ``Main Street``).
@@ -609,7 +624,7 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
                 )
                 or _read_crossing(part, facts, closeness)
                 or _read_together(part, facts, closeness)
-                or _read_roads_in_a_phrase(part, facts)
+                or _read_roads_in_a_phrase(part, facts, closeness)
             )
             if found is None and country_code(part) not in (None, facts.country) and len(part) > 3:
                 return None
@@ -632,7 +647,7 @@ def _without_area(reading: "_Reading", area: PlaceArea) -> "_Reading":
 
 
 def _match_file_name(reading: "_Reading", facts: MapFacts) -> "_Reading":
-    """Accept words of the map's file name although nothing on the map has this name: people name files after places."""
+    """Return the reading with words of the map's file name accepted, since people name files after places."""
     named = _words_of_file_name(file_stem(facts.file_name))
     rest = replace(reading, unnamed=())
     for part in reading.unnamed:
@@ -642,7 +657,7 @@ def _match_file_name(reading: "_Reading", facts: MapFacts) -> "_Reading":
 
 
 def _match_road_names(reading: "_Reading", facts: MapFacts) -> "_Reading":
-    """Accept words that a road of the map is named after, if the text gives the map's place.
+    """Return the reading with words accepted that a road of the map is named after, if the text gives the map's place.
 
     For example, ``Northgate`` is accepted because of ``NE Northgate Way``, although no place on the map has this name.
     """
@@ -682,7 +697,7 @@ def _read_whole(part: str, facts: MapFacts) -> _Reading | None:
     """Read the text as the whole name of a place or a road.
 
     A square is read as its roads, if it has any. The position of a place is unknown if only addresses or borders name
-    it; such a name is read as the road with exactly this name.
+    it; then the name is read as the road with exactly this name.
     """
     place = _read_place(part, facts)
     is_square = place is not None and place.area is not None and place.area.kind in ROAD_PLACES
@@ -872,7 +887,7 @@ def _same_place(area: PlaceArea, facts: MapFacts) -> list[PlaceArea]:
 
 
 def file_stem(name: str) -> str:
-    """Return a file's name without the endings of maps; a converted map has a different ending from its file."""
+    """Return a file's name without the extensions of maps; a converted map has another extension than its source."""
     return _FILE_ENDINGS.sub("", name)
 
 
@@ -922,7 +937,7 @@ def _read_road(
     """Read the text as a road.
 
     ``short``: a single distinctive word suffices, as people write the roads of an intersection. ``whole``: the text
-    must be the whole name. ``core``: the text is everything that distinguishes the road from others.
+    must be the whole name. ``core``: the text is everything that distinguishes the road from other roads.
     """
     roads = roads_called(part, facts, short=short, whole=whole) if not core else _roads_after(part, facts)
     if not roads and not whole and (unnumbered := _HOUSE_NUMBER.sub("", part)) != part:
@@ -1025,29 +1040,48 @@ def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading
     return None
 
 
-def _read_roads_in_a_phrase(text: str, facts: MapFacts) -> _Reading | None:
-    """Read the text as two roads of the map in a phrase of any language (``cruce de A con B``, ``A ile B``).
+def _read_roads_in_a_phrase(text: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:
+    """Read the text as two roads of the map in a phrase of any language (``cruce de A con B``, ``A ja B kulma``).
 
-    The text must have the whole name of each road, with up to three words before the names and one between them. These
-    words may not look like names: only the first may have a capital letter.
+    The text must have the whole name of each road, with up to three words before the names and up to two between and
+    after them. These words may not look like names: only the first may have a capital letter. If no names fit, the
+    roads' names in other grammatical forms do (``угол Северной и Новороссийской``).
     """
-    words = text.split()
+    words = _CROSSING_SIGNS.sub(lambda sign: f" {sign[0]} ", text).split()
     if not 3 <= len(words) <= _MOST_WORDS:
         return None
-    for begin in range(min(_WORDS_BEFORE, len(words) - 2) + 1):
-        if begin > 1 and not all(map(_is_no_name, words[1:begin])):
-            break
-        for end in range(begin + 1, len(words) - 1):
-            first = _read_road(" ".join(words[begin:end]), facts, whole=True)
-            if first is None or not _is_no_name(words[end]):
-                continue
-            if (second := _read_road(" ".join(words[end + 1 :]), facts, whole=True)) is not None:
-                return first + second
+    readers = (partial(_read_road, whole=True), _read_inflected)
+    for read in readers[: 2 if closeness >= Closeness.HEARD else 1]:
+        for first, second in _two_roads(words):
+            if (one := read(first, facts)) is not None and (other := read(second, facts)) is not None:
+                return one + other
     return None
 
 
+def _two_roads(words: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield the texts that may be the roads in a phrase of these words, the longest first."""
+    for begin, after in product(range(_WORDS_BEFORE + 1), range(_WORDS_AFTER + 1)):
+        end = len(words) - after
+        if end - begin < 3 or not all(map(_is_no_name, (*words[1:begin], *words[end:]))):
+            continue
+        for between, rest in ((one, one + more) for more in (1, 2) for one in range(begin + 1, end - more)):
+            if all(_CROSSING_SIGNS.fullmatch(word) or _is_no_name(word) for word in words[between:rest]):
+                yield " ".join(words[begin:between]), " ".join(words[rest:end])
+
+
+def _read_inflected(part: str, facts: MapFacts) -> _Reading | None:
+    """Read the text as roads with this name in another grammatical form, or as a road with exactly this name."""
+    if (found := _read_road(part, facts, whole=True)) is not None:
+        return found
+    index = _road_index((*facts.streets, *facts.refs), facts.road_names)
+    near = (index.by_beginning.get(beginning(word), {}) for word in words_of_name(part) if len(word) > SHORTEST_BEGUN)
+    fewest = min(filter(None, near), key=len, default={})
+    roads = tuple(name for name in fewest if any(is_inflected(part, one) for one in index.spellings[name]))
+    return _as_roads(part, roads) if roads else None
+
+
 def _is_no_name(word: str) -> bool:
-    return not any(map(str.isupper, word)) and any(map(str.islower, word))
+    return not any(map(str.isupper, word)) and any(map(str.isalpha, word))
 
 
 def _splits(text: str) -> Iterator[tuple[str, str]]:
@@ -1065,11 +1099,12 @@ def _splits(text: str) -> Iterator[tuple[str, str]]:
 
 @dataclass(frozen=True)
 class _RoadIndex:
-    """The roads of a map in the map's order, by key, by the key of the road that a section is part of, and by word."""
+    """The roads of a map in its order, by key, by the key of the road that a section is part of, and by word."""
 
     order: dict[str, int] = field(default_factory=dict)
     by_key: dict[str, list[str]] = field(default_factory=dict)
     by_whole: dict[str, list[str]] = field(default_factory=dict)
+    by_beginning: dict[str, dict[str, None]] = field(default_factory=dict)
     spellings: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
 
@@ -1084,6 +1119,8 @@ def _road_index(known: tuple[str, ...], several: tuple[tuple[str, ...], ...]) ->
             index.by_key.setdefault(key, []).append(name)
         for key in {key for spelling in index.spellings[name] for key in whole_road_keys(spelling)}:
             index.by_whole.setdefault(key, []).append(name)
+        for word in {word for spelling in index.spellings[name] for word in words_of_name(spelling)}:
+            index.by_beginning.setdefault(beginning(word), {})[name] = None
     return index
 
 
@@ -1113,11 +1150,11 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
     99``).
     """
     index = _road_index((*facts.streets, *facts.refs), facts.road_names)
-    keys = road_keys(part)
+    keys = road_keys(part) if not _CROSSING_SIGNS.search(part) else {fold(part)}  # two roads are not one of them
     called = {name for key in keys for name in index.by_key.get(key, ())}
     if any(fold(name) == fold(part) for name in called):
         # ``6. Sokak`` shares a reading with ``6. Cadde``, and is another road if the map has both.
-        called = {name for name in called if _is_spelling(part, name)}
+        called = {name for name in called if any(_is_spelling(part, one) for one in index.spellings[name])}
     same = called.union(name for key in keys for name in index.by_whole.get(key, ()))
     if not same and (number := route_number(part)) is not None:
         same = {name for name in facts.refs if name.split()[-1:] == [number] or re.fullmatch(rf"[A-Z]+{number}", name)}
@@ -1141,8 +1178,13 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
 
 
 def _is_spelling(typed: str, name: str) -> bool:
-    """Return True if a name is the typed one, abbreviates it, or is abbreviated by it."""
-    return fold(name) == fold(typed) or is_abbreviated(typed, name) or is_abbreviated(name, typed)
+    """Return True if a name is the typed name, abbreviated or with its numbers written differently."""
+    return (
+        fold(name) == fold(typed)
+        or is_abbreviated(typed, name)
+        or is_abbreviated(name, typed)
+        or has_same_numbers(typed, name)
+    )
 
 
 def _roads_after(part: str, facts: MapFacts) -> tuple[str, ...]:

@@ -32,7 +32,7 @@ def read_map_file(path: Path) -> OsmMap:
 
 
 def site_finder(osm: OsmMap, classes: Iterable[str] = ()) -> SiteFinder:
-    """Return the finder of sites on a map for some road classes; for the last map read, reuse its finder.
+    """Return the finder of sites on a map for the given road classes; for the last map read, reuse its finder.
 
     ``classes``: as for ``SiteFinder``.
     """
@@ -66,7 +66,7 @@ class LastMap:
         return self._kept[1]
 
     def finder(self, osm: OsmMap, classes: frozenset[str]) -> SiteFinder:
-        """Return the finder of a map for road classes; keep it if the map is the last one read."""
+        """Return the finder of a map for road classes; keep it if it is the map that was read last."""
         if self._kept is None or self._kept[1] is not osm:
             return SiteFinder(osm, classes)
         if classes not in self._finders:

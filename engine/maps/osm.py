@@ -8,7 +8,6 @@ The result is consistent: every node of a way exists, ids are unique, no way cro
 short and on one line. A file with invalid numbers is rejected.
 """
 
-import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -24,6 +23,9 @@ from ...schemas.generation import ConvertedMap, ConvertMapRequest
 from ...schemas.text import LONGEST_TEXT, cited, one_line, shown_name
 from ..commonroad import XmlLimits, scan_xml
 from ..execution import ProgressReporter
+from .ground import EARTH_RADIUS_M as EARTH_RADIUS_M
+from .ground import HALF_TURN_DEG as HALF_TURN_DEG
+from .ground import ground_distance_m as ground_distance_m
 from .road_classes import ALL_ROADS
 from .road_tags.access import closing_tag, in_words, is_for_cars
 from .road_tags.limits import signed_kmh
@@ -34,10 +36,6 @@ LIMITS = XmlLimits(size_bytes=LARGEST_BYTES, depth=8, elements=4_000_000)
 OSM_ATTRIBUTION = "© OpenStreetMap contributors, ODbL"
 SHOWN_CLASSES = 5
 """Maximum number of values of ``highway`` that a refusal lists."""
-EARTH_RADIUS_M = 6_371_008.8
-"""Mean radius of the Earth (IUGG)."""
-HALF_TURN_DEG = 180.0
-"""Longitude: consecutive nodes of a way that differ by more are on different sides of the antimeridian."""
 SOUTHMOST_DEG, NORTHMOST_DEG = -80.0, 84.0
 """Latitude limits of the projection in which networks are built (UTM). Nearer to a pole, nothing can be drawn in
 metres, and there is no public road.
@@ -61,7 +59,7 @@ class OsmNode:
 
     @property
     def position(self) -> tuple[float, float]:
-        """Latitude and longitude in degrees."""
+        """The latitude and longitude in degrees."""
         return self.latitude, self.longitude
 
 
@@ -75,7 +73,7 @@ class OsmWay:
 
     @property
     def road_class(self) -> str:
-        """OSM's ``highway`` value; empty if the way is not a road."""
+        """The value of OSM's tag ``highway``; empty if the way is not a road."""
         return self.tags.get("highway", "")
 
     @property
@@ -120,7 +118,7 @@ class OsmMap:
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
-        """(south, west, north, east) in degrees: as declared, or around all roads if that is not plausible."""
+        """The box (south, west, north, east) in degrees: as declared, or around all roads if that is not plausible."""
         declared = self.declared_bounds
         if declared is not None and _is_area(declared) and _fits(declared, self.nodes.values()):
             return declared
@@ -232,14 +230,6 @@ def _forget(element: Any) -> None:
     element.clear()
     while element.getprevious() is not None:
         del element.getparent()[0]
-
-
-def ground_distance_m(first: tuple[float, float], second: tuple[float, float]) -> float:
-    """Return the distance in m between (latitude, longitude) pairs in degrees (equirectangular, within a map)."""
-    middle = math.radians((first[0] + second[0]) / 2)
-    north = math.radians(second[0] - first[0])
-    east = math.radians(math.remainder(second[1] - first[1], 2 * HALF_TURN_DEG)) * math.cos(middle)
-    return EARTH_RADIUS_M * math.hypot(north, east)
 
 
 def length_m(osm: OsmMap, way: OsmWay) -> float:

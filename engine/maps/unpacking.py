@@ -1,4 +1,4 @@
-"""Recognises the format of map files, and unpacks compressed ones within a size limit.
+"""Recognises the format of map files, and unpacks compressed files within a size limit.
 
 Names only select candidates; the content determines what a file is.
 
@@ -29,9 +29,9 @@ _PACKED = (".gz", ".bz2")
 class MapFormat:
     """A format of maps: its file names, and how to recognise its content.
 
-    ``ending``: the ending of a stored map's name, in lower case. ``endings``: the endings of file names that count as
-    maps; packed files have one of these before their own ending. ``root``: the root element of its XML; empty if the
-    ending alone decides.
+    ``ending``: the file extension of a stored map, in lower case. ``endings``: the file extensions that count as maps;
+    packed files have one of these before their own extension. ``root``: the root element of its XML; empty if the
+    extension alone decides.
     """
 
     ending: str
@@ -150,7 +150,7 @@ def _begin_of_root(text: str) -> int:
 
 
 def named_by_content(path: Path, folder: Path) -> Path:
-    """Return an unpacked map under a name with its format's ending: the file itself, or a copy in the folder."""
+    """Return an unpacked map with the file extension of its format: the file itself, or a copy in the folder."""
     ending = _ENDINGS.get(root_element(path) or "")
     name = path.name.lower()
     if ending is None or (name.endswith(ending) and not (ending == LANELETS_ENDING and name.endswith(NET_ENDING))):
@@ -192,7 +192,7 @@ def is_large(path: Path) -> bool:
 
 
 def stored_name(path: Path) -> str:
-    """Return the name for storing an unpacked map: ``map`` with the ending of its format."""
+    """Return the name for storing an unpacked map: ``map`` with the extension of its format."""
     name = path.name.lower()
     plain = name.removesuffix(path.suffix.lower()) if path.suffix.lower() in _PACKED else name
     kept = (one.ending for one in MAP_FORMATS if plain.endswith((*one.endings, one.ending)))
@@ -202,17 +202,17 @@ def stored_name(path: Path) -> str:
 def foreign_format(path: Path) -> ForeignFormat | None:
     """Return the format of an unpacked map if it needs conversion before it can be read, otherwise None.
 
-    A Lanelet2 map has the ending of OpenStreetMap's extracts: the content decides.
+    A Lanelet2 map has the extension of OpenStreetMap's extracts: the content decides.
     """
     name = path.name.lower()
     if name.endswith(DRIVE_ENDING):
         return "OpenDRIVE"
     if name.endswith(LANELETS_ENDING) and not is_net(path):
         return "CommonRoad"
-    return "Lanelet2" if name.endswith(".osm") and _holds_lanelets(path) else None
+    return "Lanelet2" if name.endswith(".osm") and _contains_lanelets(path) else None
 
 
-def _holds_lanelets(path: Path) -> bool:
+def _contains_lanelets(path: Path) -> bool:
     """Return whether an OpenStreetMap XML file contains lanelets; no file of streets has a tag with that value."""
     rest = b""
     with path.open("rb") as stream:

@@ -4,15 +4,16 @@
 ``remove_hairpins``: Deletes the connections of all lanes without valid bounds from a net, in place.
 ``Digraph``: A directed graph with searches: cheapest and shortest routes, costs, reachable nodes.
 ``GeoReference``: The location of a network's coordinates on earth: a PROJ string and an offset in m.
-``lights_begin_at``: Returns a net whose lights, after some simulated time, are in their initial states.
+``lights_begin_at``: Returns a net with lights that are in their initial states after a given simulated time.
 ``net_over_lanelets``: Returns the ``.net.xml`` over a lanelet network, and the lanelets for vehicles as plain values.
 ``LaneletGraph``: Lanelet ids with their lengths in m, successors, predecessors and neighbours of the same direction.
-``MOTOR_CLASSES``: SUMO's classes of motor vehicles on roads.
+``MOTOR_CLASSES``: SUMO's vehicle classes for motor vehicles on roads.
 ``NetEdge``: A road in one direction between two junctions, or the inside of a junction (``internal``).
 ``SumoNet``: A SUMO net as plain values.
 ``read_net``: Reads a SUMO net from an untrusted file.
 ``cap_speeds``: Lowers the speed limits of a net, in place, to what its curves allow; returns how many changed.
 ``convert_osm``: Converts an OSM extract to a SUMO net; returns netconvert's warnings.
+``add_connections``: Connects the lanes of edges with those of the next edge in a net, in place; returns the warnings.
 ``remove_edges``: Removes edges from a net, in place; returns netconvert's warnings.
 ``Crossing``: A crossing of a SUMO net from one corner to another.
 ``Pavement``: A pavement of a SUMO net, in the direction of its road.
@@ -29,7 +30,7 @@
 ``LaneletLookup``: Finds lanelets of one network by position and heading.
 ``RoadLanelet``: A lanelet with the SUMO lane that it was made from.
 ``RoadNetwork``: All lanelets by id, with signs, lights and intersections.
-``SpeedSign``: A speed limit in m/s that applies to some lanelets.
+``SpeedSign``: A speed limit in m/s, and the lanelets that it applies to.
 ``TrafficLight``: A light at the end of one lanelet, its cycle in steps.
 ``WIDEST_TURN_RAD``: A vehicle at a larger angle to a lanelet does not drive along it.
 ``check_file``: Runs all rules on a CommonRoad file.
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
     from .lanelet_graph import Digraph, LaneletGraph
     from .lanelet_net import GeoReference, lights_begin_at, net_over_lanelets
     from .net_parser import MOTOR_CLASSES, NetEdge, SumoNet, read_net
-    from .netconvert import cap_speeds, convert_osm, remove_edges, run_netconvert, stated_frictions
+    from .netconvert import add_connections, cap_speeds, convert_osm, remove_edges, run_netconvert, stated_frictions
     from .positions import station_m
     from .road_network import (
         ROAD_DECIMALS,

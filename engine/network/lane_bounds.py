@@ -30,7 +30,7 @@ _LEAST_AREA_M2 = 0.01
 
 @dataclass
 class LaneBounds:
-    """A lane whose bounds are being drawn and may still change.
+    """A lane with bounds that are being drawn and may still change.
 
     ``on_left`` and ``on_right`` are neighbours of the same direction that share a bound; ``oncoming`` is a neighbour of
     the other direction that shares a bound. ``is_folded``: every drawing of it crosses itself or leads backwards.
@@ -54,7 +54,7 @@ class LaneBounds:
         self.on_left = self.on_right = None
 
     def move_end(self, index: int, left: Points, right: Points) -> None:
-        """Set the first (0) or last (−1) vertices of both bounds, including those of sharing neighbours."""
+        """Set the first (0) or last (−1) vertices of both bounds, and of the neighbours' bounds that share them."""
         self.left[index], self.right[index] = left, right
         if self.on_left is not None:
             self.on_left.right[index] = left
@@ -118,7 +118,10 @@ def _parallel(lane: NetLane, other: NetLane) -> bool:
 
 
 def _draw_group(group: list[NetLane]) -> dict[str, LaneBounds]:
-    """Draw the bounds of parallel lanes, given from right to left, with vertices at equal shares of their length."""
+    """Draw the bounds of parallel lanes, given from right to left, with vertices at equal shares of their length.
+
+    Return them by lane id.
+    """
     shares = _common_shares(group)
     drawn = []
     for lane in group:
@@ -242,7 +245,7 @@ _NEAREST_VERTICES_M = 0.05
 
 
 def stations_along(points: Points, maximum_step_m: float = 4.0) -> Values:
-    """Return at least three arc lengths, those of all vertices and more where steps would exceed the maximum."""
+    """Return at least three arc lengths: those of all vertices, and more where steps would exceed the maximum."""
     vertices = np.unique(np.round(arc_length(points), 4))
     total = float(vertices[-1])
     stations = [0.0]

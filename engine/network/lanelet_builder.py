@@ -177,7 +177,7 @@ def _cycle(program: SignalProgram, link: int, step_s: float) -> tuple[tuple[int,
 def _find_intersections(net: SumoNet, ids: dict[str, int], graph: LaneGraph, first_id: int) -> tuple[Intersection, ...]:
     """Return junctions with at least two arms in and two out, three on one side; ``ids``: lanelet id by SUMO lane.
 
-    If the lane over a junction is too short to be drawn, the lane after it replaces it.
+    If the lane across a junction is too short to be drawn, the lane after it replaces it.
     """
     arms: dict[str, dict[str, defaultdict[str, set[int]]]] = {}
     exits: dict[str, set[str]] = {}

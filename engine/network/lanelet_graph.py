@@ -1,9 +1,9 @@
 """Searches directed graphs, and provides the graph of a lanelet network.
 
-The searches are our own rather than networkx's or scipy's: of several equally cheap routes, they take the one with the
-lower node ids, whatever the order in the file. networkx takes the first route that it finds, and scipy's csgraph does
-not specify which one it takes. On straight roads, an early lane change costs as much as a late one, so routes would
-vary, and so would everything computed along them.
+The searches are our own. Of several equally cheap routes, they take the one with the lower node ids, regardless of the
+order in the file; networkx takes the first route that it finds, and scipy's csgraph does not specify which one it
+takes. On straight roads, an early lane change costs as much as a late one, so routes would vary, and so would
+everything computed along them.
 """
 
 import heapq
@@ -60,7 +60,7 @@ class Digraph(Generic[_Node]):
         return None
 
     def reachable(self, starts: Iterable[_Node]) -> dict[_Node, int]:
-        """Return all reachable nodes with the fewest steps to them, nearest first, including the starts."""
+        """Return the fewest steps to each reachable node, nearest node first, including the starts."""
         return dict(self._by_steps(starts, {}))
 
     def _by_cost(self, starts: Mapping[_Node, float], came_from: dict[_Node, _Node]) -> Iterator[tuple[_Node, float]]:
@@ -80,7 +80,7 @@ class Digraph(Generic[_Node]):
                     heapq.heappush(queue, (cost + step_cost, following))
 
     def _by_steps(self, starts: Iterable[_Node], came_from: dict[_Node, _Node]) -> Iterator[tuple[_Node, int]]:
-        """Yield nodes with the fewest steps to them, nearest first."""
+        """Yield each reachable node with the fewest steps to it, nearest first."""
         steps = dict.fromkeys(starts, 0)
         queue = deque(steps)
         while queue:
@@ -130,10 +130,10 @@ class LaneletGraph:
         return Digraph(self._steps_from).cheapest_route(starts, goals)
 
     def reachable(self, starts: Iterable[int]) -> dict[int, int]:
-        """Return all reachable lanelets with the fewest steps to them, nearest first, including the starts."""
+        """Return the fewest steps to each reachable lanelet, nearest lanelet first, including the starts."""
         return Digraph(lambda key: sorted(self._steps_from(key))).reachable(starts)
 
-    def beside(self, starts: Iterable[int]) -> frozenset[int]:
+    def parallel_lanes(self, starts: Iterable[int]) -> frozenset[int]:
         """Return the lanelets that can be reached by lane changes alone, including the starts."""
         changes = Digraph(lambda key: ((other, LANE_CHANGE_COST_M) for other in self.neighbours.get(key, ())))
         return frozenset(changes.reachable(starts))

@@ -81,7 +81,7 @@ def net_over_lanelets(
 
 
 def lights_begin_at(net: bytes, elapsed_s: float) -> bytes:
-    """Return a net whose lights, after some simulated time, are in their initial states."""
+    """Return a net whose lights are in their initial states after the given simulated time."""
     root = etree.fromstring(net)
     for logic in root.iterfind("tlLogic"):
         logic.set("offset", f"{elapsed_s:g}")
@@ -89,7 +89,7 @@ def lights_begin_at(net: bytes, elapsed_s: float) -> bytes:
 
 
 def _places(layout: NetLayout) -> dict[int, tuple[str, str]]:
-    """Map lanelets to edge and lane of the net; inside junctions, to those of the first path that uses them."""
+    """Return each lanelet's edge and lane in the net; inside junctions, those of the first path that uses it."""
     inside = {key: layout.internal_edge_of_path[paths[0]] for key, paths in layout.paths_through.items()}
     places = {key: (edge, f"{edge}_0") for key, edge in inside.items()}
     places |= {key: (edge, f"{edge}_{index}") for key, (edge, index) in layout.lane_of.items()}
@@ -121,7 +121,7 @@ def _plain(lanelet: "Lanelet", place: tuple[str, str], speed_mps: float, known: 
 
 
 def _lights(network: "LaneletNetwork", driven: Mapping[int, RoadLanelet]) -> tuple[TrafficLight, ...]:
-    """Return the file's lights at lanelets for vehicles, without cycles, since the file's own cycles are kept."""
+    """Return the file's lights at lanelets for vehicles, each with an empty cycle: the file keeps its own."""
     standing = {
         int(light): key
         for key, lanelet in sorted((int(one.lanelet_id), one) for one in network.lanelets)

@@ -71,7 +71,7 @@ class NetEdge:
 
 @dataclass(frozen=True)
 class Connection:
-    """A connection from lane to lane over a junction, along the internal lane ``via``.
+    """A connection from lane to lane across a junction, along the internal lane ``via``.
 
     ``direction`` is SUMO's letter; ``link`` is the connection's index in the states of the traffic light ``signal``.
     """
@@ -314,15 +314,15 @@ def connect(net: SumoNet) -> LaneGraph:
 def lost_connections(net: SumoNet, graph: LaneGraph) -> tuple[Connection, ...]:
     """Return the connections between road lanes that a vehicle may drive in the net, but not in the graph.
 
-    If a vehicle may use the lanes before, over and after a junction, the graph must have a route over the junction too.
-    Over road lanes that are too short to be drawn, the route continues to the next one that is drawn.
+    If a vehicle may use the lanes before, inside and after a junction, the graph must have a route across the junction
+    too. If a road lane is too short to be drawn, the route continues to the next lane that is drawn.
     """
     via = {link.from_lane: link.via for link in net.connections if link.from_edge.startswith(":")}
     return tuple(link for link in net.connections if _is_drivable(link, net, via) and not _leads(link, net, graph))
 
 
 def _is_drivable(link: Connection, net: SumoNet, via: Mapping[str, str | None]) -> bool:
-    """Return whether a connection joins two roads over sufficiently long lanes that some vehicle may use."""
+    """Return whether a connection joins two roads via lanes that are long enough and open to some vehicle."""
     ends = [net.lanes.get(key) for key in (link.from_lane, link.to_lane)]
     if link.from_edge.startswith(":") or not all(lane is not None and _is_drawable(lane) for lane in ends):
         return False
@@ -335,7 +335,7 @@ def _is_drivable(link: Connection, net: SumoNet, via: Mapping[str, str | None]) 
 
 
 def _leads(link: Connection, net: SumoNet, graph: LaneGraph) -> bool:
-    """Return whether the graph leads from a connection's first lane to its last only over lanes in junctions."""
+    """Return whether the graph leads from a connection's first lane to its last only via lanes inside junctions."""
     waiting, seen = [link.from_lane], set[str]()
     while waiting:
         for key in graph.successors.get(waiting.pop(), ()):

@@ -38,7 +38,7 @@ from ..geometry import (
     wrap_angles,
 )
 from ..vehicles import GRAVITY_MPS2
-from .net_parser import shape_of
+from .net_parser import read_net, shape_of
 from .walk_net import read_walk_net
 
 _TIME_LIMIT_S = 120.0
@@ -135,6 +135,20 @@ def remove_connections(net: Path, connections: Sequence[tuple[str, str, int, int
     return _patched(net, root, scratch)
 
 
+def add_connections(net: Path, pairs: Iterable[tuple[str, str]], scratch: Path) -> tuple[str, ...]:
+    """Connect the lanes of edges with those of the next edge in a net, in place; return netconvert's warnings.
+
+    Each lane leads to the lane of the same index, or to the last lane.
+    """
+    lanes = {edge: len(known.lane_ids) for edge, known in read_net(net).edges.items()}
+    root = etree.Element("connections")
+    for start, end in pairs:
+        for lane in range(lanes[start]):
+            ends = {"from": start, "to": end, "fromLane": str(lane), "toLane": str(min(lane, lanes[end] - 1))}
+            etree.SubElement(root, "connection", ends)
+    return _patched(net, root, scratch)
+
+
 def remove_edges(net: Path, edges: Iterable[str], scratch: Path) -> tuple[str, ...]:
     """Remove edges from a net, in place; return netconvert's warnings."""
     root = etree.Element("edges")
@@ -213,12 +227,12 @@ _DECIMALS = 3
 
 
 def smooth_junction_lanes(net_path: Path) -> int:
-    """Redraw lanes over a junction, in place, if they have a hook or a corner where they meet their roads.
+    """Redraw, in place, lanes that cross a junction and have a hook or a corner where they meet their roads.
 
-    Vertices at which lanes of roads fold back are removed first.
+    Vertices at which road lanes fold back are removed first.
 
     Returns:
-        The number of redrawn road lanes and routes over junctions.
+        The number of redrawn road lanes and routes across junctions.
     """
     root = etree.parse(net_path).getroot()
     lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}

@@ -48,13 +48,13 @@ class RoadLanelet:
 
     @property
     def center(self) -> Points:
-        """Centre line of shape (n, 2): the middle of the bounds."""
+        """The centre line (n, 2): the middle of the bounds."""
         middle: Points = (self.left + self.right) / 2
         return middle
 
     @property
     def polygon(self) -> Points:
-        """Corners of the lanelet, counter-clockwise, shape (2n, 2)."""
+        """The corners of the lanelet, counter-clockwise, shape (2n, 2)."""
         return np.concatenate([self.right, self.left[::-1]])
 
     def neighbours(self) -> tuple[int, ...]:
@@ -65,7 +65,7 @@ class RoadLanelet:
 
 @dataclass(frozen=True)
 class SpeedSign:
-    """A speed limit in m/s for some lanelets; the sign is at ``position`` (2,)."""
+    """A speed limit in m/s that applies to ``lanelet_ids``; the sign is at ``position`` (2,)."""
 
     sign_id: int
     speed_mps: float
@@ -123,8 +123,8 @@ class RoadNetwork:
     """All lanelets by id, with signs, lights and intersections; ``dropped_lanes``: those without valid bounds.
 
     ``lost_connections``: the net's connections from lane to lane without a route over the lanelets. ``folded_edges``:
-    roads between junctions whose lanelets cross themselves however they are drawn. ``largest_id``: the largest id of
-    all elements in the network's source file, or 0 if there is no such file. ``walkways`` are separate from the
+    roads between junctions with lanelets that cross themselves however they are drawn. ``largest_id``: the largest id
+    of all elements in the network's source file, or 0 if there is no such file. ``walkways`` are separate from the
     lanelets, which are for vehicles.
     """
 
@@ -200,7 +200,7 @@ class LaneletLookup:
 
 
 def _heading_at(line: Points, position: Points) -> float:
-    """Return the heading of the line's segment whose midpoint is closest to the position."""
+    """Return the heading of the line's segment with the midpoint closest to the position."""
     middle = (line[:-1] + line[1:]) / 2
     index = int(np.argmin(np.linalg.norm(middle - position, axis=1)))
     step = line[index + 1] - line[index]

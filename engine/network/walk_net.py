@@ -73,7 +73,7 @@ class WalkNet:
 
     @property
     def pavement_km(self) -> float:
-        """Total length of all pavements."""
+        """The total length of all pavements in km."""
         return sum(one.length_m for one in self.pavements.values()) / 1000
 
 

@@ -24,9 +24,9 @@
 ``check_on``: Describes a user-supplied planner's breaches of the contract on a scenario.
 ``PlannerCheck``: The result of ``check_on``.
 ``OwnPlanner``: The target of an entry point of the group ``plannerforge.planners``: the class and its declaration.
-``PlannerHere``: A planner that is an object of this process.
-``planners_here``: Registers objects of this process as planners while a block runs.
-``is_here``: Returns whether a planner is an object of this process.
+``PlannerObject``: A planner that is an object of this process.
+``registered_objects``: Registers objects of this process as planners while a block runs.
+``is_planner_object``: Returns whether a planner is an object of this process.
 ``programs_named``: Registers the programs in the settings as planners while a block runs, in workers too.
 ``known_planner``: Returns a planner's registered name; raises ``UnknownName`` if there is no such planner.
 ``make_planner``: Creates a planner by its name.
@@ -45,6 +45,7 @@
 ``Predictor``: A function that predicts one track.
 ``predictor``: Returns the function that predicts one track on a network, by the name of a prediction.
 ``check_modes``: Raises ``InvalidRequest`` if a prediction cannot be combined with the traffic.
+``check_world``: Raises ``InvalidRequest`` if a planner would see what the sensors of a world do not.
 ``CarefulDriver``: The competent and careful driver of UN R157.
 ``FuzzyDriver``: The driver of the fuzzy safety model.
 ``RssDriver``: The driver of Responsibility-Sensitive Safety.
@@ -68,7 +69,7 @@ if TYPE_CHECKING:
     from .external.check import PlannerCheck, check_on
     from .external.command import ScenarioFile
     from .external.conformance import check_planner
-    from .external.found import Found, OwnPlanner, PlannerHere, is_here, planners_here, programs_named
+    from .external.found import Found, OwnPlanner, PlannerObject, is_planner_object, programs_named, registered_objects
     from .external.program import ended_after
     from .goal import Goal, goal_with_path, progress_to_goal
     from .interface import DebugValues, EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
@@ -90,6 +91,7 @@ if TYPE_CHECKING:
         PLANNERS,
         built_in_version,
         check_modes,
+        check_world,
         known_planner,
         make_planner,
         needs_file,

@@ -43,7 +43,7 @@ Timing = Literal["early", "in_time", "late"]
 
 @dataclass(frozen=True)
 class _GoalStatus:
-    """The relation of an ego state to a goal state: in its area, meets all conditions but the time, and in its time."""
+    """The relation of an ego state to a goal state: its position, all conditions except the time, and the timing."""
 
     position: bool
     all_but_time: bool
@@ -151,7 +151,7 @@ class Goal:
 
 
 def _first_passage(area: Any, path: Points, from_m: float) -> tuple[float, float] | None:
-    """Return a path's first stretch inside an area that does not end before a station, or the last one before it."""
+    """Return a path's first stretch inside an area that ends after a station, otherwise its last stretch there."""
     import shapely
 
     stations = arc_length(path)
@@ -255,7 +255,7 @@ def _left_behind(goal: Goal, ego: EgoState, reference: ReferencePath, network: "
     if away <= _BEHIND_M:
         return None
     graph = LaneletGraph.of(network)
-    starts = graph.beside(start_lanelets(network, ego.position, ego.heading_rad))
+    starts = graph.parallel_lanes(start_lanelets(network, ego.position, ego.heading_rad))
     onward = graph.reachable(following for key in starts for following in graph.successors[key])
     outlines = [network.find_lanelet_by_id(key).polygon.shapely_object for key in onward]
     if any(area.intersects(outline) for outline in outlines for area in areas):
@@ -352,9 +352,9 @@ def progress_to_goal(
 ) -> float | None:
     """Return the share of the reference path to the goal that positions (n, 2) of the centre cover, from 0 to 1.
 
-    It is 1 only if a position is in the goal's area, as the judge requires. If the ego passes
-    beside the area, the distance from its nearest position to the area counts as not covered. None if the goal has no
-    position, or no path leads to it.
+    It is 1 only if a position is in the goal's area, as the judge requires. If the ego passes next to the area, the
+    distance from its nearest position to the area counts as not covered. None if the goal has no position, or no path
+    leads to it.
     """
     ego, network = EgoState.of(problem.initial_state), scenario.lanelet_network
     if not problem.goal.state_list:

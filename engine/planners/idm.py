@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry import Values, arc_length, wrap_angles
+from ..geometry import Lookup, Values, arc_length, wrap_angles
 from ..vehicles import HARDEST_BRAKING_MPS2
 from .driving.desired_speed import DesiredSpeed, curve_speeds_mps
 from .driving.drivability import violated_limit
@@ -76,7 +76,7 @@ class _OnPath:
 
 
 def _first_near(squared_m2: Values) -> NDArray[np.intp]:
-    """Return for each row the first local minimum that is about as small as the smallest value."""
+    """Return, for each row, the index of the first local minimum that is about as small as the smallest value."""
     lowest = squared_m2.min(axis=1, keepdims=True) + _SAME_PASSAGE_M2
     falls = np.diff(squared_m2, axis=1, append=np.inf) < 0.0
     first: NDArray[np.intp] = np.argmax((squared_m2 <= lowest) & ~falls, axis=1)
@@ -84,7 +84,7 @@ def _first_near(squared_m2: Values) -> NDArray[np.intp]:
 
 
 class IntelligentDriver:
-    """The planner; see :class:`plannerforge.engine.planners.interface.Planner`."""
+    """The Intelligent Driver Model as a planner; see :class:`plannerforge.engine.planners.interface.Planner`."""
 
     def reset(self, task: PlanningTask) -> None:
         """Prepare for a new run."""
@@ -101,9 +101,11 @@ class IntelligentDriver:
         line = self._path.stations_m, self._path.headings_rad
         comfortable = self._weights["lateral_acceleration_mps2"], self._weights["deceleration_mps2"]
         grip = task.vehicle.maximum_acceleration_mps2
-        self._comfortable_mps = curve_speeds_mps(*line, *comfortable)
-        self._slip_mps = curve_speeds_mps(*line, _CURVE_GRIP * grip, _BRAKING_GRIP * grip, _SLIP_SMOOTHING_M)
-        self._curvature = np.abs(np.gradient(self._path.headings_rad, self._path.stations_m))
+        slipping = curve_speeds_mps(*line, _CURVE_GRIP * grip, _BRAKING_GRIP * grip, _SLIP_SMOOTHING_M)
+        self._comfortable_mps = Lookup(self._path.stations_m, curve_speeds_mps(*line, *comfortable))
+        self._slip_mps = Lookup(self._path.stations_m, slipping)
+        curvature = np.abs(np.gradient(self._path.headings_rad, self._path.stations_m))
+        self._curvature_at = Lookup(self._path.stations_m, curvature)
         start_m = task.reference.start_m
         self._goal_m = self._goal.stations_on(task.reference.points, start_m) if self._goal.has_position else None
 
@@ -169,14 +171,13 @@ class IntelligentDriver:
         The ego brakes at most comfortably for a comfortable speed, and as hard as necessary if its tyres would slip.
         """
         comfortable, slipping = (
-            (float(np.interp(following, self._path.stations_m, allowed)) - speed) / self._task.step_s
-            for allowed in (self._comfortable_mps, self._slip_mps)
+            (allowed.at(following) - speed) / self._task.step_s for allowed in (self._comfortable_mps, self._slip_mps)
         )
         return min(max(comfortable, -self._weights["deceleration_mps2"]), slipping)
 
     def _grip_mps2(self, speed: float, station: float) -> float:
         """Return the longitudinal acceleration that the tyres' friction still allows in the curve."""
-        curvature = float(np.interp(station, self._path.stations_m, self._curvature))
+        curvature = self._curvature_at.at(station)
         whole = _GRIP * self._task.vehicle.maximum_acceleration_mps2
         return math.sqrt(max(whole**2 - (speed**2 * curvature) ** 2, 0.0))
 

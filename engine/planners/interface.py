@@ -206,7 +206,7 @@ class ShowsCandidates(Protocol):
 
 
 class Planner(Protocol):
-    """A motion planner, which keeps the state of one run between :meth:`reset` and the next one."""
+    """A motion planner, which keeps the state of one run between :meth:`reset` and the next call of it."""
 
     def reset(self, task: PlanningTask) -> None:
         """Prepare for a new run.

@@ -53,7 +53,7 @@ class Judge:
         self._last_stay: EgoState | None = None
 
     def before_the_run(self, initial: EgoState) -> Verdict | None:
-        """Return why no planner can solve the problem, or None."""
+        """Return the verdict if no planner can solve the problem, otherwise None."""
         hit = self._traffic.hit_by(initial, self._vehicle)
         if hit:
             return Verdict.invalid(
@@ -145,7 +145,7 @@ class Judge:
     def _out_of_time(self, ego: EgoState) -> Verdict | None:
         if ego.step < self.last_step:
             return None
-        cause = f"{_TIME_LIMIT_FACTOR} × the goal's last step"
+        cause = f"{_TIME_LIMIT_FACTOR} times the time allowed for the goal"
         if ego.step - self._first_step >= _MOST_STEPS:
             cause = f"the limit of {_MOST_STEPS} steps per run"
         limit = f"{self._since_start_s(ego.step):.1f} s ({cause})"

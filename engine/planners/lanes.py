@@ -228,7 +228,7 @@ def build_road(network: "LaneletNetwork", reference: ReferencePath, *, beyond_m:
     last = reference.points[int(np.searchsorted(stations, reference.network_end_m)) :][:2]
     for lanelet in near:
         left, right = np.asarray(lanelet.left_vertices), np.asarray(lanelet.right_vertices)
-        if lanelet.lanelet_id in ends and _goes_on(left[-1], right[-1], left[-2], last):
+        if lanelet.lanelet_id in ends and _ends_at_exit(left[-1], right[-1], left[-2], last):
             parts.append(
                 _strip(left[-1], right[-1], lanelet.center_vertices[-2:], max(BEYOND_GOAL_M + _BEYOND_END_M, beyond_m))
             )
@@ -239,7 +239,7 @@ def build_road(network: "LaneletNetwork", reference: ReferencePath, *, beyond_m:
     return Road(area, _edge_checker(area.intersection(corridor.buffer(5.0)).boundary, corridor))
 
 
-def _goes_on(left: Points, right: Points, before: Points, last: Points) -> bool:
+def _ends_at_exit(left: Points, right: Points, before: Points, last: Points) -> bool:
     """Return True if a lanelet ends where the reference path leaves the network, in the same direction."""
     if len(last) < 2:
         return False

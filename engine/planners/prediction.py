@@ -13,13 +13,14 @@ import numpy as np
 
 from ...schemas.errors import UnknownName
 from ...schemas.runs import Prediction
+from ...schemas.worlds import LARGEST_RANGE_M
 from ..commonroad import Track
 from ..geometry import Points, Values, arc_length, headings, project, without_repeats, wrap_angle
 from ..network import LaneletGraph
+from ..perception import RoadUsers
 from ..scene import straight_on
 from .interface import EgoState, PredictedObstacle
 from .lanes import LaneCorridors
-from .traffic.recorded import Traffic
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 Predictor = Callable[[Track, int, int, float], PredictedObstacle]
 """Maps a track, the index of its present state, a number of steps and their duration in s to its predicted motion."""
 
-SENSOR_RADIUS_M = 80.0
+SENSOR_RADIUS_M = LARGEST_RANGE_M
 """Others with centres farther than this from the ego's are not observed (chosen)."""
 _REAR_CONE_RAD, _REAR_CONE_FROM_M = math.radians(20.0), 6.0
 """The cone straight behind the ego, and the distance beyond which others in it are left out; see :func:`observe`."""
@@ -49,7 +50,7 @@ def predictor(name: Prediction, network: "LaneletNetwork") -> Predictor:
     """Return the function that predicts one track on a network.
 
     Raises:
-        UnknownName: No such prediction.
+        UnknownName: There is no such prediction.
     """
     makers: dict[str, Callable[[], Predictor]] = {
         "constant_velocity": lambda: constant_velocity,
@@ -68,7 +69,7 @@ def off_the_lanes(predict: Predictor) -> tuple[int, ...]:
 
 
 def observe(
-    traffic: Traffic, ego: EgoState, predict: Predictor, steps: int, step_s: float
+    users: RoadUsers, ego: EgoState, predict: Predictor, steps: int, step_s: float
 ) -> tuple[PredictedObstacle, ...]:
     """Return all obstacles within 80 m of the ego, with their predicted motion over ``steps`` steps.
 
@@ -78,11 +79,11 @@ def observe(
     """
     seen = []
     blind = predict is not ground_truth
-    for track in traffic.moving:
+    for track in users.moving:
         index = track.index_at(ego.step)
         if index is not None and _visible(track.positions[index], ego, blind_behind=blind):
             seen.append(predict(track, index, steps, step_s))
-    standing = [track for track in traffic.standing if _visible(track.positions[0], ego, blind_behind=blind)]
+    standing = [track for track in users.standing if _visible(track.positions[0], ego, blind_behind=blind)]
     for track in standing:
         positions = np.repeat(track.positions[:1], steps + 1, axis=0)
         still = _predicted(track, positions, np.repeat(track.headings_rad[:1], steps + 1), 0.0)
@@ -224,7 +225,7 @@ def _visible(position: Points, ego: EgoState, *, blind_behind: bool) -> bool:
 
 
 def follows(position: Points, ego: EgoState) -> bool:
-    """Return True if a position is straight behind the ego, where :func:`observe` may leave others out."""
+    """Return True if a position is straight behind the ego, where :func:`observe` may leave road users out."""
     offset = position - ego.position
     bearing = wrap_angle(math.atan2(offset[1], offset[0]) - ego.heading_rad)
     return float(np.hypot(*offset)) > _REAR_CONE_FROM_M and math.pi - abs(bearing) < _REAR_CONE_RAD / 2

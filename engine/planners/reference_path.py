@@ -84,7 +84,7 @@ class ReferencePath:
         return ends
 
     def way_m(self, first_m: float, last_m: float) -> float:
-        """Return the length in m along the centre lines between two stations; negative if the second is first."""
+        """Return the length in m along the centre lines between two stations; negative if ``last_m`` is smaller."""
         if self.center_m is None:
             return last_m - first_m
         first, last = np.interp([first_m, last_m], arc_length(self.points), self.center_m)
@@ -166,7 +166,7 @@ def blended_start(reference: ReferencePath, rear: Points, heading_rad: float, ov
 
 
 def _thin(line: Points) -> Points:
-    """Return a line with fewer points, about ``_TRACKED_M`` apart, including its last point."""
+    """Return the line with fewer points, about ``_TRACKED_M`` apart, including its last point."""
     count = max(int(arc_length(line)[-1] / _TRACKED_M), 1)
     return resample(line, count + 1)[1:]
 
@@ -228,7 +228,7 @@ def _curve(start: Points, start_direction: Points, end: Points, end_direction: P
 
 
 def _shift(line: Points, position: Points, through: Points, change_m: float) -> Points:
-    """Shift a line sideways through a point; the shift starts at the ego and ends beyond the point."""
+    """Return a line shifted sideways through a point; the shift starts at the ego and ends beyond the point."""
     stations = arc_length(line)
     target, offset = project(line, through)
     begin = max(project(line, position)[0], target - change_m)

@@ -16,6 +16,7 @@ from ...schemas.errors import InvalidRequest, PlannerFailure, UnknownName, close
 from ...schemas.reviews import DriverModelName
 from ...schemas.runs import Prediction
 from ...schemas.runs import Traffic as TrafficMode
+from ...schemas.worlds import PERFECT, World
 from .external.found import Found, found_planners
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ PLANNERS: dict[str, "Callable[[], Planner]"] = {
 
 
 def planner_names() -> tuple[str, ...]:
-    """Return the available planners: the built-in ones, then the user's."""
+    """Return the available planners: the built-in planners, then the user's."""
     others = found_planners(PLANNERS).values()
     return (*PLANNERS, *(each.name for each in others if not each.fault))
 
@@ -89,26 +90,26 @@ def known_planner(name: str) -> str:
     """Return a planner's registered name, ignoring case.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
     """
     folded = name.strip().lower().replace("-", "_")
     if folded not in PLANNERS:
-        own_planner(folded)
+        own_planner(name)
     return folded
 
 
 def own_planner(name: str) -> Found:
-    """Return the user-supplied planner with a name.
+    """Return the user-supplied planner with this name.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
         PlannerFailure: Its name is already taken.
     """
     found = found_planners(PLANNERS).get(name.strip().lower().replace("-", "_"))
     if found is None:
         names = planner_names()
         raise UnknownName(
-            f"there is no planner '{name}'",
+            f"there is no planner '{name.strip()}'",
             valid=closest(name, names) or list(names),
             next_step="choose one of these, or install your own in the same environment",
         )
@@ -121,7 +122,7 @@ def make_planner(name: str, scenario: "ScenarioFile | None" = None) -> "Planner"
     """Return a new planner; a program planner gets the scenario's file.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
         PlannerFailure: A user-supplied planner cannot be created.
     """
     folded = known_planner(name)
@@ -182,12 +183,12 @@ def version_that_drives(name: str) -> PlannerVersion:
     """Return the version of the planner that currently has a name; only for workers, since it imports the class.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
         PlannerFailure: A user's planner cannot be imported.
     """
     folded = known_planner(name)
     if folded in PLANNERS:
-        return _built_in_here(folded)
+        return _installed_version(folded)
     from .external.versions import version_in_words
 
     found = own_planner(folded)
@@ -198,20 +199,20 @@ def source_that_drives(name: str) -> str:
     """Return the digest of :func:`version_that_drives`, without importing anything.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
     """
     folded = known_planner(name)
-    return _built_in_here(folded).source if folded in PLANNERS else own_planner(folded).version
+    return _installed_version(folded).source if folded in PLANNERS else own_planner(folded).version
 
 
-def _built_in_here(name: str) -> PlannerVersion:
+def _installed_version(name: str) -> PlannerVersion:
     from importlib.metadata import version
 
     return built_in_version(name, {package: version(package) for package in (*CORES.get(name, ()), _OURS)})
 
 
 def uses_prediction(name: str) -> bool:
-    """Return True if a planner uses predictions: all built-in planners do, and others that declare it."""
+    """Return True if a planner uses predictions: all built-in planners, and external planners that declare it."""
     folded = known_planner(name)
     if folded in PLANNERS:
         return True
@@ -219,14 +220,20 @@ def uses_prediction(name: str) -> bool:
     return (found.command or found.own().declaration).uses_prediction
 
 
-def check_modes(traffic: TrafficMode, prediction: Prediction) -> None:
-    """Refuse to give a planner the future of vehicles that have no future yet.
+def check_modes(traffic: TrafficMode, prediction: Prediction, world: World = PERFECT) -> None:
+    """Refuse to give a planner the future of vehicles that have no future yet, or that its sensors cannot know.
 
     Raises:
-        InvalidRequest: Ground-truth prediction of reactive traffic.
+        InvalidRequest: The prediction is ``ground_truth``, and the traffic is reactive or the world is imperfect.
     """
+    others = [name for name in get_args(Prediction) if name != "ground_truth"]
+    if not world.is_perfect and prediction == "ground_truth":
+        raise InvalidRequest(
+            "prediction ground_truth is the recording itself, which sensors of an imperfect world cannot know",
+            valid=others,
+            next_step="use one of these predictions, or leave out world",
+        )
     if traffic == "reactive" and prediction == "ground_truth":
-        others = [name for name in get_args(Prediction) if name != "ground_truth"]
         raise InvalidRequest(
             "prediction ground_truth is the recording, which reactive traffic does not follow",
             valid=others,
@@ -234,10 +241,29 @@ def check_modes(traffic: TrafficMode, prediction: Prediction) -> None:
         )
 
 
+def check_world(planner: str, world: World) -> None:
+    """Refuse an imperfect world to a program that reads the whole recording before it plans.
+
+    Raises:
+        InvalidRequest: The planner is a program with the protocol one_shot.
+        UnknownName: No such planner.
+    """
+    folded = known_planner(planner)
+    if world.is_perfect or folded in PLANNERS:
+        return
+    declared = own_planner(folded).command
+    if declared is not None and declared.protocol == "one_shot":
+        raise InvalidRequest(
+            f"planner {folded} reads the scenario's file, which contains what its sensors would miss",
+            valid=["a planner that is called at every step: protocol stepwise, or a Python class"],
+            next_step="leave out world, or use one of these planners",
+        )
+
+
 def open_traffic(
     mode: TrafficMode, loaded: "LoadedScenario", problem: "PlanningProblem", vehicle: "VehicleParameters", seed: int
 ) -> "AbstractContextManager[Traffic]":
-    """Yield the others of a scenario at the ego's first step, for a ``with`` block.
+    """Yield the other road users of a scenario at the ego's first step, for a ``with`` block.
 
     Raises:
         NotPossible: No vehicle can react, since no lanelet is drivable.

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry import PathFollower, Points, Values, arc_length, wrap_angle
+from ..geometry import Lookup, PathFollower, Points, Values, arc_length, wrap_angle
 from ..vehicles import centers, rear_axle, tractrix
 from .driving.following import FOLLOWED_WITHIN_M, follow, is_on_plan
 from .interface import EgoState, PlannedTrajectory, PlanningTask
@@ -46,6 +46,7 @@ class RearAxlePath:
         towards_center = np.stack([np.cos(self.headings_rad), np.sin(self.headings_rad)], axis=1)
         self._points = path - behind_center_m * towards_center
         self.stations_m, self._center_stations_m = arc_length(self._points), arc_length(path)
+        self._center_station = Lookup(self.stations_m, self._center_stations_m)
         self._end_m = float(self.stations_m[-1])
         begin_m = None if begin_m is None else float(np.interp(begin_m, self._center_stations_m, self.stations_m))
         self._follower = PathFollower(self._points, begin_m)
@@ -54,7 +55,7 @@ class RearAxlePath:
 
     def center_station(self, station: float) -> float:
         """Return the station in m of the centre on the path that it follows."""
-        return float(np.interp(station, self.stations_m, self._center_stations_m))
+        return self._center_station.at(station)
 
     def foot(self, point: Points) -> float:
         """Return the station in m nearest to a point (2,)."""
@@ -94,7 +95,7 @@ class _Fade:
 
 @dataclass(frozen=True)
 class RearAxleCurve:
-    """A path and the offset from it."""
+    """A path, and the fading offset of a curve from it."""
 
     path: RearAxlePath
     fade: _Fade

@@ -30,7 +30,15 @@ from .external.command import ScenarioFile
 from .external.program import ended_after, log_of
 from .interface import EgoState, Observation, Plan, Planner, PlanningTask, ShowsCandidates
 from .judge import Verdict
-from .registry import check_modes, make_planner, open_traffic, planner_version, uses_prediction, version_that_drives
+from .registry import (
+    check_modes,
+    check_world,
+    make_planner,
+    open_traffic,
+    planner_version,
+    uses_prediction,
+    version_that_drives,
+)
 from .series import run_series
 from .simulation import DrivenRun, simulate
 
@@ -60,7 +68,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
 
     Raises:
         UnsafeInput: The file cannot be read.
-        UnknownName: No such planning problem or planner.
+        UnknownName: There is no such planning problem or planner.
         InvalidRequest: The prediction does not fit the traffic, or the vehicle is impossible.
         NotPossible: The ego is a vehicle with a trailer, which the planners here cannot drive.
         PlannerFailure: A user-supplied planner broke its contract.
@@ -70,7 +78,8 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     loaded, vehicle = start.loaded, start.vehicle
     file = ScenarioFile(Path(request.scenario_path), str(loaded.scenario.scenario_id))
     _check_version(request)
-    check_modes(request.traffic, request.prediction)
+    check_modes(request.traffic, request.prediction, request.world)
+    check_world(request.configuration.planner, request.world)
     version = version_that_drives(request.configuration.planner)
     with ended_after(make_planner(request.configuration.planner, file)) as planner:
         driven = start.drive(planner, report)
@@ -109,6 +118,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         ego_class=vehicle.vehicle_class,
         friction=vehicle.friction,
         uses_prediction=uses_prediction(request.configuration.planner),
+        world=request.world,
     )
     report(1.0, ending.outcome)
     core_s = [plan.core_s for plan in driven.plans if plan.core_s > 0]
@@ -155,6 +165,8 @@ class _Start:
                 report,
                 traffic,
                 self.vehicle,
+                request.world,
+                request.seed,
             )
 
 
@@ -208,7 +220,7 @@ def _apply_benchmark(verdict: Verdict, steps: RunSteps, start: _Start) -> _Endin
 
 
 def _check_version(request: RunRequest) -> None:
-    """Refuse to store a run under a version of a user-supplied planner that differs from the current one."""
+    """Refuse to store a run under a version of a user-supplied planner that differs from the current version."""
     name, wanted = request.configuration.planner, request.planner_version
     here = planner_version(name) if wanted else ""
     if here != wanted:
@@ -220,7 +232,7 @@ def _check_version(request: RunRequest) -> None:
 
 
 def metrics_of(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> RunMetrics | None:
-    """Return the metrics of a run over its driven states, including the initial one; None for an invalid problem."""
+    """Return the metrics of a run over its driven states, including the initial state; None for an invalid problem."""
     if driven.final.outcome == "invalid":
         return None
     total_costs = [sum(plan.costs.values()) for plan in driven.plans if plan.kind != "standstill" and plan.costs]
@@ -277,6 +289,7 @@ def run_steps(driven: DrivenRun) -> RunSteps:
         steering_rad=() if driven.steering_rad is None else tuple(driven.steering_rad.tolist()),
         plan_steps=tuple(driven.plan_steps),
         others=tuple(_driven_obstacle(track) for track in driven.traffic.driven),
+        perceived=None if driven.sensors is None else driven.sensors.perceived(),
         costs={name: tuple(_normal(plan.costs.get(name, 0.0)) for plan in driven.plans) for name in terms},
         rejected={name: tuple(counts.get(name, 0) for counts in driven.rejections) for name in constraints},
     )
@@ -312,7 +325,7 @@ def replay_plans(request: ReplayRequest, report: ProgressReporter) -> Replayed:
 
     Raises:
         UnsafeInput: The scenario's file cannot be read.
-        UnknownName: No such planning problem or planner.
+        UnknownName: There is no such planning problem or planner.
         PlannerFailure: A user's planner was edited since, or broke its contract.
     """
     start = _Start.of(request.run)
@@ -378,7 +391,7 @@ class _RecordingPlanner:
         self.planner.reset(task)
 
     def plan(self, observation: Observation) -> Plan:
-        """Return the planner's answer."""
+        """Return the planner's plan, and record the planning step."""
         plan = self.planner.plan(observation)
         if plan.trajectory is not None:
             self.plans[observation.ego.step] = self._shown(observation, plan.trajectory.positions)

@@ -1,4 +1,4 @@
-"""Checks whether a trajectory is safe: clear of the predicted others, and of the edge of the road.
+"""Checks whether a trajectory is safe: clear of the predicted road users, and of the edge of the road.
 
 The check uses the motion with which the vehicle follows the trajectory (``driving/following.py``).
 """
@@ -72,7 +72,7 @@ class SafetyCheck:
 def _rectangles(
     driven: PlannedTrajectory | PredictedObstacle, length_m: float, width_m: float
 ) -> list["pycrcc.RectOBB"]:
-    """Return the body at each step but the present one."""
+    """Return the body at each step but the present step."""
     from commonroad_dc import pycrcc
 
     states = zip(driven.positions[1:].tolist(), driven.headings_rad[1:].tolist(), strict=True)

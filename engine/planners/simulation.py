@@ -1,4 +1,4 @@
-"""The loop for every planner: observe, plan, follow the plan for some steps, judge."""
+"""The loop for every planner: observe, plan, follow the plan for a few steps, judge."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -12,13 +12,15 @@ from ...schemas.errors import NotPossible
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import Prediction
 from ...schemas.text import shown_name
+from ...schemas.worlds import PERFECT, World
 from ..execution import ProgressReporter
 from ..geometry import Values, arc_length
+from ..perception import PoseError, Sensors, walls_of
 from ..scene import start_lanelets
 from ..vehicles import VehicleParameters, rear_axle, vehicle_of
 from .driving.desired_speed import SPEED_BAND_MPS
 from .goal import Goal, path_to, select_goal_state
-from .interface import EgoState, Observation, Plan, Planner, PlanningTask
+from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
 from .judge import Judge, Verdict
 from .lanes import Road, build_road
 from .prediction import Predictor, observe, off_the_lanes, predictor
@@ -40,7 +42,8 @@ class DrivenRun:
     ``plan_s`` and ``rejections`` include a last attempt without a trajectory; ``plans`` does not. ``verdict``: None if
     the run was stopped before the judge ended it. ``task``: the
     planner's task, or None if the planner was not called. ``blended_over_m``: the length of the curve by which the
-    reference path leads the ego onto its route, if it needs one (``eased_over_m`` of the record).
+    reference path leads the ego onto its route, if it needs one (``eased_over_m`` of the record). ``sensors``: those of
+    an imperfect world, which know what the planner got of the other road users.
     """
 
     states: list[EgoState]
@@ -53,6 +56,7 @@ class DrivenRun:
     off_the_lanes: tuple[int, ...] = ()
     blended_over_m: float | None = None
     task: PlanningTask | None = None
+    sensors: Sensors | None = None
 
     @property
     def rejected(self) -> Counter[str]:
@@ -94,14 +98,17 @@ def simulate(
     report: ProgressReporter,
     traffic: Traffic | None = None,
     vehicle: VehicleParameters | None = None,
+    world: World = PERFECT,
+    seed: int = 0,
     is_over: Callable[[DrivenRun], bool] | None = None,
 ) -> DrivenRun:
     """Run a planner on a planning problem until the judge ends it.
 
     A problem that no planner can solve (initial collision, off the road, no route, too little time) ends as ``invalid``
     with a code and without a plan. The traffic is the recorded one by default; reactive traffic must be at the ego's
-    first step. ``vehicle``: the ego's vehicle; None selects the configuration's car. ``is_over``: called after every
-    step that the judge does not end; True stops the run without a verdict.
+    first step. ``vehicle``: the ego's vehicle; None selects the configuration's car. In an imperfect ``world`` the
+    planner gets what its sensors report, with random numbers from ``seed``; the judge sees the truth. ``is_over``:
+    called after every step that the judge does not end; True stops the run without a verdict.
     """
     ego = EgoState.of(problem.initial_state)
     run = DrivenRun([ego], traffic or RecordedTraffic(scenario))
@@ -113,12 +120,20 @@ def simulate(
     run.verdict = judge.before_the_run(ego)
     if run.verdict is None:
         predict = predictor(prediction, scenario.lanelet_network)
-        loop = _Loop(planner, predict, report, is_over)
+        loop = _Loop(planner, predict, report, _sensing(world, seed, scenario), is_over)
         loop.drive(task, run, judge)
         if run.has_not_begun:
             run = loop.drive_blended(task, run)
         run.off_the_lanes = off_the_lanes(predict)
     return run
+
+
+def _sensing(world: World, seed: int, scenario: "Scenario") -> Callable[[], Sensors] | None:
+    """Return the function that creates the sensors of one attempt, or None if the world is perfect."""
+    if world.is_perfect:
+        return None
+    walls, step_s = walls_of(scenario), float(scenario.dt)
+    return lambda: Sensors(world, seed, step_s, walls)
 
 
 def _task(
@@ -157,6 +172,7 @@ class _Loop:
     planner: Planner
     predict: Predictor
     report: ProgressReporter
+    sensing: Callable[[], Sensors] | None = None
     is_over: Callable[[DrivenRun], bool] | None = None
 
     def drive(self, task: PlanningTask, run: DrivenRun, judge: Judge) -> None:
@@ -165,11 +181,18 @@ class _Loop:
         run.task = task
         settings, step_s = task.configuration.settings, task.step_s
         first, horizon = run.states[0].step, round(settings.horizon_s / step_s)
+        sensors = None if self.sensing is None else self.sensing()
+        run.sensors = sensors
         while run.verdict is None:
             ego = run.states[-1]
             share = (ego.step - first) / max(judge.last_step - first, 1)
             self.report(share, f"step {ego.step} of at most {judge.last_step}")
-            observation = Observation(ego, observe(run.traffic, ego, self.predict, horizon, step_s))
+            percept = None if sensors is None else sensors.perceive(run.traffic, run.states)
+            error = None if percept is None else percept.error
+            believed = ego if error is None else _believed(ego, error)
+            observation = Observation(
+                believed, observe(percept or run.traffic, believed, self.predict, horizon, step_s)
+            )
             began = perf_counter()
             plan = self.planner.plan(observation)
             run.plan_s.append(perf_counter() - began)
@@ -179,8 +202,9 @@ class _Loop:
                 return
             run.plan_steps.append(ego.step)
             run.plans.append(plan)
-            for ahead in range(1, min(settings.replan_steps, len(plan.trajectory.positions) - 1) + 1):
-                following = plan.trajectory.state_at(ahead, ego.step + ahead, step_s)
+            motion = plan.trajectory if error is None else _true_motion(plan.trajectory, ego, error)
+            for ahead in range(1, min(settings.replan_steps, len(motion.positions) - 1) + 1):
+                following = motion.state_at(ahead, ego.step + ahead, step_s)
                 run.states.append(following)
                 run.traffic.advance(following)
                 run.verdict = judge.after_step(following)
@@ -201,6 +225,18 @@ class _Loop:
             if not run.has_not_begun:
                 return run
         return stuck
+
+
+def _believed(ego: EgoState, error: PoseError) -> EgoState:
+    """Return the ego where it believes to be."""
+    position = error.believed(ego.position, ego.position)
+    return replace(ego, position=position, heading_rad=ego.heading_rad + error.turn_rad)
+
+
+def _true_motion(plan: PlannedTrajectory, ego: EgoState, error: PoseError) -> PlannedTrajectory:
+    """Return the motion of a vehicle that follows a plan from its true pose instead of the one that it believes."""
+    positions, headings = error.true(plan.positions, ego.position), plan.headings_rad - error.turn_rad
+    return replace(plan, positions=positions, headings_rad=headings)
 
 
 def _stays_on(road: Road, blended: ReferencePath, ego: EgoState, over_m: float) -> bool:

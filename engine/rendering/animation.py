@@ -69,8 +69,8 @@ class _Pace:
         for step, following in zip(self.steps, (*self.steps[1:], None), strict=True):
             real = 0.0 if following is None else 1000 * self.step_s * (following - step)
             slow = _SLOWED if self.is_slow(step) and following is not None and self.is_slow(following) else 1
-            held = _HOLD_MS if self.moment is not None and step == self.moment.step else 0
-            durations.append(_PAUSE_MS if following is None else max(round(real * slow / 10) * 10, 20) + held)
+            hold_ms = _HOLD_MS if self.moment is not None and step == self.moment.step else 0
+            durations.append(_PAUSE_MS if following is None else max(round(real * slow / 10) * 10, 20) + hold_ms)
         return durations
 
 
@@ -93,7 +93,7 @@ def animate(
     begin, end = steps[0] * view.content.step_s, steps[-1] * view.content.step_s
     text = f"Animation of {view.content.scenario_id} from {begin:.1f} to {end:.1f} s"
     runs = "; ".join(run.label for run in view.paths)
-    kinds = f", with {', '.join(shown.kinds)}" if shown.kinds else ""
+    kinds = f"; classes of road users: {', '.join(shown.kinds)}" if shown.kinds else ""
     slow = ""
     if moment is not None:
         slow = f" {_SLOWED} times slower around {moment.step * view.content.step_s:.1f} s: {moment.words}."
@@ -114,7 +114,7 @@ def _strip_places(steps: Sequence[int], moment: Moment | None) -> list[int]:
 
 
 def _strip(frames: Sequence["Image"]) -> "Image":
-    """Combine frames into a grid."""
+    """Return the frames combined into a grid."""
     from PIL import Image
 
     columns = min(_STRIP_COLUMNS, len(frames))
@@ -222,7 +222,7 @@ def _write_state(axes: "Axes", view: ScenarioView) -> None:
 
 
 def _write_slowness(axes: "Axes", view: ScenarioView, moment: Moment) -> None:
-    """Write that time runs slower, and the time to or since the moment."""
+    """Write that time runs slower, and the time until or since the moment."""
     away = (view.step - moment.step) * view.content.step_s
     when = "now" if view.step == moment.step else f"{abs(away):.1f} s {'before' if away < 0 else 'after'}"
     axes.annotate(

@@ -76,7 +76,7 @@ def class_colour(obstacle_type: str) -> str:
 
 
 def light_mark(state: str) -> tuple[str, str]:
-    """Return the marker (whose shape also shows the state) and colour of a traffic light; inactive: a grey dot."""
+    """Return the marker and colour of a traffic light, which both show its state; inactive: a grey dot."""
     return _LIGHT_MARKS.get(state, ("o", _LIGHT_OFF))
 
 

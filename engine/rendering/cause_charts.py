@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Literal
 
 from ...schemas.errors import NotPossible
 from ...schemas.results import Rate
-from ...schemas.reviews import REFERENCE_DRIVERS_DO, Contact
+from ...schemas.reviews import Contact
 from ...schemas.runs import RunRecord
+from ...schemas.text import REFERENCE_DRIVERS_DO, counted
 from ..analysis import RunSet, known_contacts
 from .canvas import INK, MUTED, PICTURE_WIDTH_PX, SMALL_PT, Drawing, new_figure, outcome_colour, series_style
 from .content import short_names
@@ -71,16 +72,17 @@ def causes(runs: RunSet) -> Drawing:
     _label_rates(lower)
     _fault_legend(write_legend, figure)
     judged = sum(contact.prevention is not None for contact in contacts.values())
-    none = f"no reference driver prevents {len(not_preventable)} of {judged} judged collisions"
-    write_title(figure, "Who hit whom, and could it be prevented", f"{len(hits)} collisions; {none}")
+    none = f"{len(not_preventable)} of {judged} judged collisions not preventable by any reference driver"
+    write_title(figure, "Who hit whom, and could it be prevented", f"{counted(len(hits), 'collision')}; {none}")
     kinds = "; ".join(
-        f"{kind} under {names[config]} {_describe_faults(counts[kind, config])}" for kind, config in listed
+        f"{sum(by_fault.values())} {kind} under {names[config]} ({_describe_faults(by_fault)})"
+        for (kind, config), by_fault in ((key, counts[key]) for key in listed)
     )
     notes = [f"the reference drivers: {REFERENCE_DRIVERS_DO}"]
-    notes += [f"{len(counts) - len(listed)} more kinds are not shown"] if len(counts) > len(listed) else []
+    notes += [f"kinds not shown: {len(counts) - len(listed)}"] if len(counts) > len(listed) else []
     if len(contacts) < len(hits):
         notes.append(f"the chart shows a random {len(contacts)} of {len(hits)} collisions; the others were not judged")
-    return Drawing(figure, f"Collisions by kind: {kinds}. Of all, {none}.", tuple(notes))
+    return Drawing(figure, f"Collisions by kind: {kinds}. Together: {none}.", tuple(notes))
 
 
 def _fault(contact: Contact) -> _Fault:
@@ -108,8 +110,7 @@ def _counts(
 
 
 def _describe_faults(by_fault: dict[_Fault, int]) -> str:
-    parts = [f"{count} {fault}" for fault, count in by_fault.items() if count]
-    return f"{sum(by_fault.values())} ({', '.join(parts)})"
+    return ", ".join(f"{count} {fault}" for fault, count in by_fault.items() if count)
 
 
 def _draw_kind(axes: "Axes", row: int, by_fault: dict[_Fault, int]) -> None:
@@ -131,14 +132,14 @@ def _draw_rate(axes: "Axes", y: float, rate: Rate, *, filled: bool, colour: str 
     axes.plot([100 * rate.low, 100 * rate.high], [y, y], color=INK, linewidth=1.6, solid_capstyle="butt")
     face = shown if filled else "white"
     axes.plot(100 * rate.share, y, "o", color=shown, markerfacecolor=face, markersize=9, markeredgewidth=2, zorder=3)
-    words = f"{100 * rate.share:.0f} % ({rate.count}/{rate.of})"
+    words = f"{100 * rate.share:.0f}% ({rate.count}/{rate.of})"
     axes.text(104, y, words, va="center", fontsize=SMALL_PT, color=INK if filled else MUTED, clip_on=False)
 
 
 def _label_rates(axes: "Axes") -> None:
     axes.set_xlim(-2, 118)
     axes.set_xticks(range(0, 101, 20))
-    axes.set_xlabel("goal reached [%] with 95 % interval and number of runs")
+    axes.set_xlabel("goal reached [%] with 95% interval and number of runs")
     axes.grid(axis="x", color="#DDDDDD", linewidth=0.8)
     axes.set_axisbelow(True)
 
@@ -202,7 +203,7 @@ def strata(runs: RunSet) -> Drawing:
             offset = (number - (len(shown) - 1) / 2) * 0.8 / len(shown)
             _draw_rate(axes, row + offset, rate, filled=True, colour=series_style(number)[0])
             if rate.share is not None:
-                texts.append(f"{stratum.level}, {names[config]} {rate.count} of {rate.of}")
+                texts.append(f"{stratum.level} | {names[config]}: {rate.count} of {rate.of}")
         if row and rows[row - 1].factor != stratum.factor:
             axes.axhline(row - 0.5, color="#9A9A9A", linewidth=0.9)
     axes.set_yticks(range(len(rows)), [_stratum_label(stratum) for stratum in rows])
@@ -215,8 +216,8 @@ def strata(runs: RunSet) -> Drawing:
         "the interval counts scenarios, not runs; configurations from top to bottom as in the legend",
     )
     more = len(configs) - len(shown)
-    notes = (f"{more} more configurations are not shown",) if more else ()
-    return Drawing(figure, f"Goal reached by stratum: {'; '.join(texts)}.", notes)
+    notes = (f"configurations not shown: {more}",) if more else ()
+    return Drawing(figure, f"Goal reached by condition: {'; '.join(texts)}.", notes)
 
 
 _MOST_CONFIGS = 4
@@ -254,7 +255,8 @@ def _strata_of(runs: RunSet, factor: str, level_of: Callable[[RunSet, RunRecord]
 
 
 def _conditions(_: RunSet, record: RunRecord) -> str:
-    return f"{record.prediction.replace('_', ' ')}, {record.traffic}"
+    world = "" if record.world.is_perfect else f", {record.world.in_words()}"
+    return f"{record.prediction.replace('_', ' ')}, {record.traffic}{world}"
 
 
 def _road(runs: RunSet, record: RunRecord) -> str:

@@ -14,6 +14,7 @@ from ...schemas.errors import NotPossible
 from ...schemas.rendering import PictureKind
 from ...schemas.results import CostShare
 from ...schemas.runs import Outcome, RunRecord
+from ...schemas.text import counted
 from ..analysis import RunSet, compare, cost_shares
 from ..execution import silent
 from .canvas import (
@@ -52,7 +53,7 @@ _OUTCOME_ORDER: tuple[Outcome, ...] = (
 
 
 def _outcomes(runs: RunSet) -> Drawing:
-    """Draw shares of outcomes by configuration on the left, and success rates with 95 % intervals on the right."""
+    """Draw shares of outcomes by configuration on the left, and success rates with 95% intervals on the right."""
     from matplotlib.patches import Patch
 
     names = short_names(runs.records)
@@ -75,7 +76,7 @@ def _outcomes(runs: RunSet) -> Drawing:
             rates.plot(interval, [row, row], color=INK, linewidth=2, solid_capstyle="butt")
             rates.plot(100 * success.share, row, "o", color=outcome_colour("goal_reached"), markersize=10, zorder=3)
             rates.annotate(
-                f"{100 * success.share:.0f} %", (100 * success.share, row), xytext=(0, 9),
+                f"{100 * success.share:.0f}%", (100 * success.share, row), xytext=(0, 9),
                 textcoords="offset points", ha="center", fontsize=SMALL_PT,
             )  # fmt: skip
     _label_outcome_axes(shares, rates, groups)
@@ -89,7 +90,7 @@ def _outcomes(runs: RunSet) -> Drawing:
         handlelength=1.5,
     )
     total = len(runs.sources)
-    write_title(figure, "Outcomes", f"{total} runs; numbers in the bars count runs, without invalid ones")
+    write_title(figure, "Outcomes", f"{counted(total, 'run')}; numbers in the bars count runs, without invalid ones")
     return Drawing(figure, f"Outcomes by configuration. {'; '.join(texts)}.")
 
 
@@ -115,7 +116,7 @@ def _label_outcome_axes(shares: "Axes", rates: "Axes", groups: Sequence[tuple[st
     shares.set_xlim(0, 100)
     shares.set_xlabel("share of the valid runs [%]")
     rates.set_xlim(-2, 102)
-    rates.set_xlabel("goal reached [%], 95 % interval")
+    rates.set_xlabel("goal reached [%], 95% interval")
     rates.tick_params(labelleft=False)
     rates.grid(axis="x", color="#DDDDDD", linewidth=0.8)
     rates.set_axisbelow(True)
@@ -150,7 +151,7 @@ def _costs(runs: RunSet) -> Drawing:
         )  # fmt: skip
         for row, term, value in zip(rows, terms, values, strict=True):
             share = by_term[config_id, term].share if (config_id, term) in by_term else None
-            words = f" {value:.3g}" + (f" ({100 * share:.0f} %)" if share is not None else "")
+            words = f" {value:.3g}" + (f" ({100 * share:.0f}%)" if share is not None else "")
             axes.text(value, row, words, va="center", fontsize=SMALL_PT, color=INK)
     axes.set_yticks(range(len(terms)), terms)
     axes.invert_yaxis()
@@ -167,7 +168,7 @@ def _costs(runs: RunSet) -> Drawing:
 def _largest_shares(costs: Sequence[CostShare], config_id: str) -> list[str]:
     """Return the four largest terms of a configuration with their shares."""
     mine = [item for item in costs if item.config_id == config_id and item.share is not None]
-    return [f"{item.term} {100 * (item.share or 0):.0f} %" for item in mine[:4]]
+    return [f"{item.term} {100 * (item.share or 0):.0f}%" for item in mine[:4]]
 
 
 _MOST_FLIPS = 24
@@ -219,7 +220,7 @@ def _flips(runs: RunSet) -> Drawing:
     write_title(figure, "Flipped scenarios", subtitle + (f"; {more} not shown" if more else ""))
     texts = [f"{flip.scenario_id} from {flip.before} to {flip.after}" for flip in flips]
     notes = ("only the first two configurations are compared",) if len(sides) > 2 else ()
-    return Drawing(figure, f"Flipped scenarios: {subtitle}. {'; '.join(texts)}".rstrip(), notes)
+    return Drawing(figure, f"Flipped scenarios of {subtitle}. {'; '.join(texts)}".rstrip(), notes)
 
 
 def _draw_flip(axes: "Axes", row: int, flip: Flip) -> None:

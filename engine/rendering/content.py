@@ -39,7 +39,7 @@ class LaneletShape:
 
     @property
     def outline(self) -> Points:
-        """Closed outline, shape (m, 2)."""
+        """The closed outline, shape (m, 2)."""
         return np.vstack([self.left, self.right[::-1]])
 
 
@@ -93,7 +93,7 @@ class ScenarioContent:
 
     @property
     def ego_size_m(self) -> tuple[float, float]:
-        """Length and width of the ego's class."""
+        """The length and width in m of the ego's class."""
         return ego_class(self.ego_class).vehicle.size_m
 
     def positions_at(self, step: int) -> dict[int, Points]:
@@ -288,7 +288,7 @@ class DrivenPath:
 
     @property
     def label(self) -> str:
-        """Configuration and outcome, as in a legend."""
+        """The configuration and the outcome, as in a legend."""
         return f"{self.name}: {self.record.outcome.replace('_', ' ')}"
 
 
@@ -319,7 +319,7 @@ def short_names(runs: Sequence[RunRecord]) -> dict[str, str]:
 class ScenarioView:
     """One scenario to draw: its content, the runs over it and the shown step.
 
-    ``focus_id``: the road user in the middle, which is present at the step; None means the ego.
+    ``focus_id``: the road user in the middle of the picture, which is present at the step; None means the ego.
     """
 
     content: ScenarioContent
@@ -333,7 +333,7 @@ class ScenarioView:
         return self.step * self.content.step_s
 
     def ego_colour(self, number: int) -> str:
-        """Return the colour of the n-th run's ego, which is that of its path if there are several runs."""
+        """Return the colour of the n-th run's ego; if there are several runs, it is the colour of the run's path."""
         return EGO_COLOUR if len(self.paths) == 1 else series_style(self.paths[number].series)[0]
 
     @property
@@ -344,7 +344,7 @@ class ScenarioView:
 
     @property
     def ego_size_m(self) -> tuple[float, float]:
-        """Length and width of the ego, from the first run if there is one."""
+        """The length and width of the ego in m, from the first run if there is one."""
         records = [path.record for path in self.paths[:1]]
         return (records[0].ego_length_m, records[0].ego_width_m) if records else self.content.ego_size_m
 
@@ -385,12 +385,12 @@ class Viewport:
 
     @property
     def width_m(self) -> float:
-        """Extent along x."""
+        """The extent along x in m."""
         return self.x_max - self.x_min
 
     @property
     def height_m(self) -> float:
-        """Extent along y."""
+        """The extent along y in m."""
         return self.y_max - self.y_min
 
     @property
@@ -471,7 +471,7 @@ def _anchor(content: ScenarioContent, paths: Sequence[DrivenPath], step: int | N
 
 
 def _limited(low: Points, high: Points, center: Points) -> tuple[Points, Points]:
-    """Limit an extent that is too large, with the centre of interest inside."""
+    """Return an extent, cut if it is too large, with the centre of interest inside."""
     for axis in (0, 1):
         if high[axis] - low[axis] > _LARGEST_SPAN_M:
             start = np.clip(center[axis] - _LARGEST_SPAN_M / 2, low[axis], high[axis] - _LARGEST_SPAN_M)

@@ -74,7 +74,7 @@ def profile(runs: RunSet) -> Drawing:
         "the ego's motion; a disc marks a run that reached its goal, a cross one that did not",
     )
     more = len(driven) - len(shown)
-    notes = (f"{more} more runs are not shown",) if more else ()
+    notes = (f"runs not shown: {more}",) if more else ()
     return Drawing(figure, f"Speed and acceleration of the ego. {'; '.join(texts)}.", notes)
 
 
@@ -133,7 +133,7 @@ def terms(runs: RunSet) -> Drawing:
         f"chosen candidate of each planning step, raw cost × weight; {record.run_id}",
     )
     mean = {name: float(row[:-1].mean()) for name, row in zip(names, parts, strict=True)}
-    shares = ", ".join(f"{name} {value:.0f} %" for name, value in sorted(mean.items(), key=lambda one: -one[1])[:4])
+    shares = ", ".join(f"{name} {value:.0f}%" for name, value in sorted(mean.items(), key=lambda one: -one[1])[:4])
     text = (
         f"Cost terms of {record.run_id} over {times[-1]:.1f} s: mean shares {shares}. Marked: {_describe_marks(marks)}."
     )
@@ -141,7 +141,7 @@ def terms(runs: RunSet) -> Drawing:
 
 
 def _stacked(steps: RunSteps) -> tuple[list[str], Values]:
-    """Return the terms by mean, largest first and small ones combined, and their values (terms, steps)."""
+    """Return the terms by mean, largest first and small terms combined, and their values (terms, steps)."""
     count = min([len(steps.plan_steps), *(len(values) for values in steps.costs.values())])
     series = {name: np.maximum(np.array(values[:count]), 0.0) for name, values in steps.costs.items()}
     order = sorted((name for name in series if series[name].any()), key=lambda name: (-series[name].mean(), name))

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 _COLUMNS, _MOST_CONFIGS, _ROW_PX, _HEAD_PX = 2, 4, 34, 82
 """Chosen for the sizes of text."""
 _FAR = 5.0
-"""Values farther beyond the middle 80 % than this multiple of their range are drawn at the edge (chosen)."""
+"""Values farther beyond the middle 80% than this multiple of their range are drawn at the edge (chosen)."""
 _BETTER, _WORSE = series_style(2)[0], series_style(1)[0]
 _Pair = tuple[float, float]
 
 
 def distributions(runs: RunSet) -> Drawing:
-    """Draw a panel per metric: runs are dots, the middle half is a box, the median a line, and pairs are joined.
+    """Draw a panel per metric: runs are dots, a box spans the middle half, a line is the median, and pairs are joined.
 
     Raises:
         NotPossible: No valid run has a metric.
@@ -57,7 +57,7 @@ def distributions(runs: RunSet) -> Drawing:
     explanation = "dots: runs, boxes: middle half, bars: medians; ↑ more is better, ↓ less"
     write_title(figure, "Metrics of the runs", f"{explanation}{joined}")
     more = len(runs.by_config(runs.valid)) - len(groups)
-    notes = (f"{more} more configurations are not shown",) if more else ()
+    notes = (f"configurations not shown: {more}",) if more else ()
     return Drawing(figure, f"Distributions: {'; '.join(texts)}.", notes)
 
 
@@ -102,10 +102,10 @@ def _draw_metric(axes: "Axes", spec: MetricSpec, groups: dict[str, list[RunRecor
     words = metric_words(spec.name).partition(" (")[0]
     axes.set_title(f"{words}{unit}{better}{basis}{far}", fontsize=SMALL_PT + 1, loc="left", pad=5)
     medians = [
-        f"{names[config]} {in_figures(float(np.median(values))) if len(values) else 'none'}"
+        f"{names[config]}: {in_figures(float(np.median(values))) if len(values) else 'none'}"
         for config, values in zip(groups, samples, strict=True)
     ]
-    return f"{metric_words(spec.name)}: median {', '.join(medians)}"
+    return f"{metric_words(spec.name)}: median{'s' * (len(medians) > 1)} {' | '.join(medians)}"
 
 
 def _shown_range(values: Values) -> tuple[float, float]:
@@ -157,7 +157,7 @@ def _draw_pairs(
 def _pairs(spec: MetricSpec, before: Sequence[RunRecord], after: Sequence[RunRecord]) -> list[_Pair]:
     def by_problem(records: Sequence[RunRecord]) -> dict[tuple[object, ...], float]:
         return {
-            (one.scenario_id, one.problem_id, one.prediction, one.traffic, one.seed): value
+            (one.scenario_id, one.problem_id, one.prediction, one.traffic, one.seed, one.world): value
             for one in records
             if (spec.basis == "valid" or one.outcome == "goal_reached") and (value := spec.value(one)) is not None
         }

@@ -34,7 +34,7 @@ def shortened(text: str, length: int) -> str:
 
 @dataclass(frozen=True)
 class Inventory:
-    """The content of a picture, each entry of which gets an entry in the legend; ``runs``: label and series."""
+    """The content of a picture, with one entry per entry of the legend; ``runs``: label and series."""
 
     kinds: tuple[str, ...]
     signals: tuple[str, ...]
@@ -77,12 +77,12 @@ class Inventory:
 
     @property
     def columns(self) -> int:
-        """Legend entries per row; runs have long names."""
+        """The number of legend entries per row, which is small for runs, since they have long names."""
         return 4 if self.runs else 7
 
     @property
     def rows(self) -> int:
-        """Rows of the legend."""
+        """The number of rows of the legend."""
         flags = (self.has_ego, self.has_goal, self.has_stop_lines, self.has_collision)
         entries = len(self.kinds) + len(self.signals) + len(self.runs) + sum(flags)
         return max(math.ceil(entries / self.columns), 1)
@@ -134,7 +134,7 @@ def draw_legend(figure: "Figure", shown: Inventory) -> None:
 
 
 def _by_rows(handles: list[Handle], columns: int) -> list[Handle]:
-    """Reorder legend entries so that they read row by row, since matplotlib fills columns."""
+    """Return legend entries reordered so that they read row by row, since matplotlib fills columns."""
     rows = math.ceil(len(handles) / columns)
     if rows == 1:
         return handles

@@ -144,7 +144,7 @@ def _views(request: RenderRequest, *, most: int) -> tuple[list[ScenarioView], li
     if not request.scenarios:
         raise NotPossible("there is no scenario to draw", next_step="pass a scenario, or a run on one")
     if len(request.scenarios) > most:
-        notes.append(f"{len(request.scenarios) - most} more scenarios are not shown")
+        notes.append(f"scenarios not shown: {len(request.scenarios) - most}")
     configs = list(dict.fromkeys((run.record.config_id, run.record.prediction) for run in request.runs))
     names = short_names([run.record for run in request.runs])
     views = []

@@ -15,10 +15,10 @@ from ...schemas.errors import ResourceFailure, UnsafeInput
 from ...schemas.measures import MeasuredValue, RunMetrics, measure_named, metric_words
 from ...schemas.rendering import RenderedImage, ReportImage, ReportRequest, ReportSection, ReportTable, ReportWritten
 from ...schemas.results import AnalyzeResultsResult, CollisionCauses, Group, Rate, figure, measured_figure
-from ...schemas.reviews import REFERENCE_DRIVERS_DO, LaidTo
+from ...schemas.reviews import CollisionCause
 from ...schemas.runs import BatchRecord, RunRecord, ending, excesses_in_words
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
-from ...schemas.text import shown_name
+from ...schemas.text import REFERENCE_DRIVERS_DO, shown_name
 from ..execution import ProgressReporter
 from ..workspace import Recipe, write_whole
 from .words import words_used
@@ -65,7 +65,8 @@ def overview_section(
     configurations = f"{len(names)} configuration{'' if len(names) == 1 else 's'} ({'; '.join(names.values())})"
     tested = (
         f"{configurations} on {count} scenario{'' if count == 1 else 's'}, {result.runs} runs; "
-        f"{_BEHAVIOUR[batch.traffic]}; {batch.prediction.replace('_', ' ')} prediction."
+        f"{_BEHAVIOUR[batch.traffic]}; {batch.prediction.replace('_', ' ')} prediction"
+        f"{'' if batch.world.is_perfect else f'; world {batch.world.in_words()}'}."
     )
     rows = [
         ("What was tested", tested),
@@ -114,7 +115,7 @@ def _describe_success(result: AnalyzeResultsResult) -> str:
 
 
 def _describe_other_outcomes(group: Group) -> str:
-    """Return the outcomes of a configuration's other runs."""
+    """Return the outcomes of the runs that did not reach the goal, as the end of a sentence; may be empty."""
     failed = [f"{count} {key.replace('_', ' ')}" for key, count in group.outcomes.items() if key != "goal_reached"]
     return f"; other outcomes: {', '.join(failed)}" if failed else ""
 
@@ -122,8 +123,8 @@ def _describe_other_outcomes(group: Group) -> str:
 def _reached(rate: Rate) -> str:
     if rate.share is None or rate.low is None or rate.high is None:
         return "0 runs (all problems are invalid)"
-    interval = f"95 % interval {100 * rate.low:.0f} to {100 * rate.high:.0f} %"
-    return f"{rate.count} of {rate.of} valid runs ({100 * rate.share:.0f} %, {interval})"
+    interval = f"95% interval {100 * rate.low:.0f} to {100 * rate.high:.0f}%"
+    return f"{rate.count} of {rate.of} valid runs ({100 * rate.share:.0f}%, {interval})"
 
 
 def _describe_failures(result: AnalyzeResultsResult) -> str:
@@ -135,13 +136,13 @@ def _describe_failures(result: AnalyzeResultsResult) -> str:
 
 
 def _by_any_motion(result: AnalyzeResultsResult) -> str:
-    """Return the rate according to the paper's rule if it differs."""
+    """Return a sentence with the rate by the paper's rule; empty if no motion to the goal was refused."""
     rate = result.by_any_motion
     return "" if rate is None else f" By the paper's rule, which accepts any motion: {_reached(rate)}."
 
 
 def _describe_causes(causes: CollisionCauses | None) -> str:
-    """Return who caused the collisions, where the reference drivers can tell."""
+    """Return a sentence on who caused the collisions, according to the reference drivers."""
     if causes is None:
         return "There was no collision with a known course."
     none = len(causes.not_preventable)
@@ -168,10 +169,11 @@ def _describe_causes(causes: CollisionCauses | None) -> str:
 
 
 def _describe_attribution(causes: CollisionCauses) -> str:
-    """Return how many collisions are attributed to each cause."""
-    phrases: dict[LaidTo, str] = {
+    """Return text on how many collisions are attributed to each cause."""
+    phrases: dict[CollisionCause, str] = {
         "ego": "to the ego itself",
         "recording": "to recorded traffic that does not react",
+        "perception": "to the sensors",
         "prediction": "to the prediction",
         "planning": "to the plan",
         "neither": "to neither side",
@@ -202,8 +204,8 @@ def _by_configuration(result: AnalyzeResultsResult) -> ReportTable:
         return (
             group.name,
             str(rate.of),
-            f"{rate.count} ({100 * (rate.share or 0):.0f} %)" if known else "–",
-            f"{100 * (rate.low or 0):.0f} to {100 * (rate.high or 0):.0f} %" if known else "–",
+            f"{rate.count} ({100 * (rate.share or 0):.0f}%)" if known else "–",
+            f"{100 * (rate.low or 0):.0f} to {100 * (rate.high or 0):.0f}%" if known else "–",
             ", ".join(
                 f"{key.replace('_', ' ')} {count}" for key, count in group.outcomes.items() if key != "goal_reached"
             )
@@ -213,13 +215,16 @@ def _by_configuration(result: AnalyzeResultsResult) -> ReportTable:
 
     return ReportTable(
         caption="By configuration",
-        columns=("configuration", "valid runs", "goal reached", "95 % interval", "failures", "invalid"),
+        columns=("configuration", "valid runs", "goal reached", "95% interval", "failures", "invalid"),
         rows=tuple(row(group) for group in result.groups),
     )
 
 
 def rules_section(result: AnalyzeResultsResult) -> ReportSection:
-    """Return how many runs broke each traffic rule, by configuration, with a list of rules that applied to no run."""
+    """Return a section on how many runs broke each traffic rule, by configuration.
+
+    It also lists the rules that applied to no run.
+    """
     several = len({one.config_id for one in result.rule_shares}) > 1
     applicable = [one for one in result.rule_shares if one.violated.of]
     absent = dict.fromkeys(f"{one.rule} {one.name}" for one in result.rule_shares)
@@ -227,13 +232,13 @@ def rules_section(result: AnalyzeResultsResult) -> ReportSection:
         absent.pop(f"{one.rule} {one.name}", None)
     table = ReportTable(
         caption="Runs that broke a rule, out of the runs to which it applies",
-        columns=("rule", *(["configuration"] if several else []), "broken in", "95 % interval", "worst excess", "run"),
+        columns=("rule", *(["configuration"] if several else []), "broken in", "95% interval", "worst excess", "run"),
         rows=tuple(
             (
                 f"{one.rule} {one.name}",
                 *([one.config_name] if several else []),
                 f"{one.violated.count} of {one.violated.of}",
-                f"{100 * (one.violated.low or 0):.0f} to {100 * (one.violated.high or 0):.0f} %",
+                f"{100 * (one.violated.low or 0):.0f} to {100 * (one.violated.high or 0):.0f}%",
                 "–" if one.worst is None else f"{figure(one.worst)} {one.unit}",
                 one.run_ids[0] if one.run_ids else "–",
             )
@@ -252,7 +257,7 @@ def rules_section(result: AnalyzeResultsResult) -> ReportSection:
 def run_section(
     record: RunRecord, analysis: AnalyzeResultsResult, measures: Sequence[MeasuredValue] = ()
 ) -> ReportSection:
-    """Return one run in detail: outcome, nearness to others, largest motions, and broken traffic rules."""
+    """Return a section on one run: outcome, nearness to others, largest motions, and broken traffic rules."""
     review, sentences = analysis.review, list[str]()
     if review is not None:
         near = [review.nearness_in_words()] if review.contact is None and review.closest is not None else []
@@ -290,7 +295,7 @@ def _measured(measures: Sequence[MeasuredValue]) -> ReportTable:
 
 
 def batch_section(batch: BatchRecord, runs: Sequence[RunRecord]) -> ReportSection:
-    """Return every run of a batch with its outcome, the reason and its figures, failures first."""
+    """Return a section on every run of a batch with its outcome, the reason and its figures, failures first."""
     measured = ("distance (m)", "time to collision (s)", "jerk (m/s³)")
     order = {"goal_reached": 1, "invalid": 2}
     table = ReportTable(
@@ -306,7 +311,7 @@ def batch_section(batch: BatchRecord, runs: Sequence[RunRecord]) -> ReportSectio
 
 
 def comparison_section(result: CompareResultsResult) -> ReportSection:
-    """Return verdicts, tests and flips."""
+    """Return a section with verdicts, tests and flips."""
     return ReportSection(
         title="Comparison",
         asked=" against ".join(side.label for side in result.sides),
@@ -316,7 +321,7 @@ def comparison_section(result: CompareResultsResult) -> ReportSection:
 
 
 def analysis_section(result: AnalyzeResultsResult) -> ReportSection:
-    """Return findings with the runs that they are based on."""
+    """Return a section with findings and the runs that they are based on."""
     findings, hints = list[str](), list[str]()
     for finding in result.findings:
         else_ = f" Alternative explanation: {finding.alternatives}." if finding.alternatives else ""
@@ -399,7 +404,7 @@ def _comparison_tables(comparison: Comparison) -> Iterable[ReportTable]:
             ),
         )
     yield ReportTable(
-        caption="Paired by scenario: median before and after, shift with its 95 % interval, Wilcoxon's p. A side is "
+        caption="Paired by scenario: median before and after, shift with its 95% interval, Wilcoxon's p. A side is "
         "better only if p after Holm's adjustment is below 0.05 and the shift exceeds the resolution.",
         columns=("metric", "pairs", "before", "after", "shift", "p", "p after Holm", "better"),
         rows=tuple(

@@ -77,7 +77,7 @@ def outer_edges(edges: Sequence[Points], lanelets: Sequence[LaneletShape]) -> li
 
 
 def _without_gaps(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Count short gaps between covered pieces as covered, since crossing lanelets almost touch there."""
+    """Return a mask in which short gaps between covered pieces are covered, since crossing lanelets almost touch."""
     closed = covered.copy()
     for first, second in itertools.pairwise(np.flatnonzero(covered)):
         if second - first <= _LARGEST_GAP_PIECES:

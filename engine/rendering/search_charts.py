@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 from ...schemas.analysis.optimization import StudyRecord, TrialLine
+from ...schemas.text import counted
 from .canvas import INK, MUTED, PICTURE_WIDTH_PX, SMALL_PT, Drawing, new_figure, outcome_colour, series_style
 from .furniture import write_title
 
@@ -24,7 +25,8 @@ def study_chart(study: StudyRecord) -> Drawing:
     best = _draw_candidates(candidates, study)
     words = _draw_changes(changes, study)
     subtitle = (
-        f"{study.method} for {' + '.join(study.objective)} from {study.base_name}: {len(study.trials)} candidates"
+        f"{study.method} for {' + '.join(study.objective)} from {study.base_name}: "
+        f"{counted(len(study.trials), 'candidate')}"
     )
     write_title(figure, "Search", subtitle)
     return Drawing(figure, f"Search: {subtitle}; {best}. {words}")
@@ -82,7 +84,7 @@ def _effects(figure: "Figure", study: StudyRecord) -> Drawing:
         axes.plot([max(one.effect - one.margin, 0), one.effect + one.margin], [row, row], color=INK, linewidth=1.6)
         axes.plot(one.effect, row, "o", color=colour, markersize=8)
     axes.set_yticks(range(len(rows)), [one.name for one in rows])
-    axes.set_xlabel("μ*, with its 95 % interval" if study.method == "morris" else "total index, with its 95 % interval")
+    axes.set_xlabel("μ*, with its 95% interval" if study.method == "morris" else "total index, with its 95% interval")
     subtitle = f"{study.method}, {' + '.join(study.objective)}, {study.training_scenarios} scenarios"
     write_title(figure, "Sensitivity", subtitle)
     effects = "; ".join(f"{one.name} {one.effect:.3g} ({one.verdict})" for one in study.effects)

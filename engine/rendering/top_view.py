@@ -77,7 +77,7 @@ def draw_background(axes: "Axes", view: ScenarioView, viewport: Viewport) -> Non
 
 
 def _draw_moment(axes: "Axes", view: ScenarioView, viewport: Viewport) -> VehicleCounts:
-    """Draw one time: the background, the lights, the vehicles with their ids, the egos."""
+    """Draw the scenario and the runs at one time; return the numbers of drawn vehicles."""
     draw_background(axes, view, viewport)
     draw_signals(axes, view.content, view.step, viewport)
     vehicles = view.content.vehicles_at(view.step)
@@ -150,7 +150,7 @@ def _on_one_map(views: Sequence[ScenarioView]) -> bool:
 
 
 def _widened(viewport: Viewport, views: Sequence[ScenarioView]) -> Viewport:
-    """Widen the viewport to include goals and vehicles that moved or are in only one view, nearest first."""
+    """Return the viewport, widened for goals and for vehicles that moved or are in only one view, nearest first."""
     middle = viewport.middle
     points = [point for view in views[1:] for point in _differing(views[0], view)]
     for point in sorted(points, key=lambda point: (float(np.linalg.norm(point - middle)), *point.tolist())):

@@ -66,7 +66,7 @@ def _draw_ego(axes: "Axes", corners: Points, *, colour: str = EGO_COLOUR, faded:
 
 
 def draw_paths(axes: "Axes", paths: Sequence[DrivenPath]) -> None:
-    """Draw the driven paths in different colours and dash patterns, later ones thinner so that none is hidden."""
+    """Draw the driven paths in different colours and dash patterns, later paths thinner so that all are visible."""
     for number, path in enumerate(paths):
         colour, dashes = series_style(path.series)
         width = max(4.2 - 1.1 * number, 1.6)
@@ -84,7 +84,7 @@ def draw_endings(axes: "Axes", paths: Sequence[DrivenPath], step: int) -> None:
 
 @dataclass(frozen=True)
 class VehicleCounts:
-    """The vehicles with a label, the vehicles in view without one, and the number of those outside the view."""
+    """The vehicles with a label, the vehicles in view without a label, and the number of those outside the view."""
 
     labelled: tuple[int, ...]
     unlabelled: tuple[int, ...]
@@ -113,7 +113,7 @@ def label_vehicles(
     viewport: Viewport,
     keep_free: Points,
 ) -> VehicleCounts:
-    """Write the ids next to the vehicles in view, starting with those nearest to ``near``.
+    """Write the ids next to the vehicles in view, nearest to ``near`` first; return which vehicles have one.
 
     Args:
         axes: The axes with their final limits and position.

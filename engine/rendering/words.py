@@ -60,7 +60,7 @@ _TERMS: dict[str, str] = {
     "beyond the vehicle": "the driven motion exceeds a limit of the ego's vehicle, such as its steering rate",
     "preventable": "at least one reference driver in the ego's place prevents the collision",
     "RSS": "Responsibility-Sensitive Safety (Shalev-Shwartz et al. 2017): a rule for safe distances",
-    "95 % interval": "the values that fit the runs: 95 of 100 intervals of this kind contain the true value; the "
+    "95% interval": "the values that fit the runs: 95 of 100 intervals of this kind contain the true value; the "
     "scenario is the unit",
     "median": "half of the values are below it, half above it",
     "baseline": "the configuration that the others are compared with",

@@ -67,25 +67,25 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
     scene = kept.scene
     ego = _describe_ego(scene)
     begin = (scene.ego.step if scene.ego else 0) + round(request.time_s / scene.step_s)
-    center, asked = _center(scene, request.focus, begin)
-    name = asked.name if asked is not None else "the ego" if scene.ego is not None else "the middle of the map"
+    center, focus = _center(scene, request.focus, begin)
+    name = focus.name if focus is not None else "the ego" if scene.ego is not None else "the middle of the map"
     tracks = scene.tracks | scene.standing
     if request.time_s:
-        tracks = _there_at(scene, tracks, begin)
+        tracks = _present_at(scene, tracks, begin)
     near = _near(tracks, begin, center, request.radius_m)
-    own = next((key for key in near if asked is not None and asked.name == f"vehicle {key}"), None)
+    own = next((key for key in near if focus is not None and focus.name == f"vehicle {key}"), None)
     shown = [key for key in near if key != own][: VEHICLES_SHOWN[request.detail]]
     roles = _roles(*kept.neighbours)
     vehicles = _vehicles(scene, center, [*shown, *([] if own is None else [own])], roles, begin)
-    if asked is not None:
-        asked = asked.model_copy(update={"vehicle": None if own is None else vehicles[own]})
+    if focus is not None:
+        focus = focus.model_copy(update={"vehicle": None if own is None else vehicles[own]})
     if request.detail == "motion":
-        asked = _with_motion(scene, asked)
+        focus = _with_motion(scene, focus)
     lanelets, total = _describe_lanelets(scene, ego, center, request.radius_m, LANELETS_SHOWN[request.detail])
     return Description(
         ego=ego,
         focus=name,
-        asked=asked,
+        asked=focus,
         vehicles=tuple(vehicles[key] for key in shown),
         vehicles_total=len(tracks) - (own is not None),
         lanelets=lanelets,
@@ -95,8 +95,8 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
     )
 
 
-def _there_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[int, Track]:
-    """Return the vehicles that are present at a step.
+def _present_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[int, Track]:
+    """Return the vehicles that are present at a step, by id.
 
     Raises:
         NotPossible: no vehicle is present at the step.
@@ -106,17 +106,17 @@ def _there_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[int,
         return there
     begin = scene.ego.step if scene.ego else 0
     last_s = (max(track.last_step for track in tracks.values()) - begin) * scene.step_s
-    raise NotPossible("no vehicle is there at that time", valid=[f"time_s from 0 to {last_s:g}"])
+    raise NotPossible("the scenario has no vehicle at that time", valid=[f"time_s from 0 to {last_s:g}"])
 
 
-def _with_motion(scene: Scene, asked: DescribedFocus | None) -> DescribedFocus:
+def _with_motion(scene: Scene, focus: DescribedFocus | None) -> DescribedFocus:
     """Return the focus with its whole motion; for the ego, the motion in its own recording.
 
     Raises:
         NotPossible: the focus is a lanelet, a vehicle without a recording, or an ego that was not recorded.
     """
     moving = [f"focus={key}" for key in list(scene.tracks)[:CHECKED_SHOWN]]
-    if asked is None:
+    if focus is None:
         own = [
             key for key, track in scene.tracks.items() if scene.ego is not None and is_own_recording(track, scene.ego)
         ]
@@ -126,14 +126,14 @@ def _with_motion(scene: Scene, asked: DescribedFocus | None) -> DescribedFocus:
                 valid=moving,
                 next_step="call run_planner, or request the motion of another vehicle",
             )
-        asked, key = DescribedFocus(name=f"vehicle {own[0]}", what="the ego's own recording"), own[0]
+        focus, key = DescribedFocus(name=f"vehicle {own[0]}", what="the ego's own recording"), own[0]
     else:
-        word = asked.name.removeprefix("vehicle ")
+        word = focus.name.removeprefix("vehicle ")
         key = int(word) if word.isdigit() else -1
     if key not in scene.tracks:
-        raise NotPossible(f"{asked.name} has no recorded motion", valid=moving)
+        raise NotPossible(f"{focus.name} has no recorded motion", valid=moving)
     begin = scene.ego.step if scene.ego else 0
-    return asked.model_copy(update={"motion": motion_of(scene, scene.tracks[key], begin)})
+    return focus.model_copy(update={"motion": motion_of(scene, scene.tracks[key], begin)})
 
 
 def _center(scene: Scene, focus: str | None, step: int) -> tuple[Points, DescribedFocus | None]:
@@ -169,7 +169,7 @@ def _reach(scene: Scene, start: int, station_m: float) -> tuple[Reach, ...]:
     """Return the nearest lanelets outside junctions that a vehicle on a lanelet can reach, as SUMO's vehicles drive."""
     if start not in scene.layout.table.lanes:
         return ()
-    graph, ways = scene.driven_graph, []
+    graph, reachable = scene.driven_graph, []
     for key in islice(graph.reachable([start]), 1, 5 * REACH_SHOWN):
         route = graph.shortest_route([start], [key])
         if route is None or key not in scene.layout.lane_of:
@@ -180,9 +180,9 @@ def _reach(scene: Scene, start: int, station_m: float) -> tuple[Reach, ...]:
         turns = [_direction(scene, after) for after in forks]
         changed = ["lane change"] if len(onward) < len(route) - 1 else []
         turned = tuple(turn for turn in turns if turn != "straight")
-        ways.append(Reach(lanelet_id=key, turns=(*changed, *turned), distance_m=round(distance_m, 1)))
-    ways.sort(key=lambda way: (way.distance_m, way.lanelet_id))
-    return tuple(way for way in ways if way.distance_m <= _REACH_M)[:REACH_SHOWN]
+        reachable.append(Reach(lanelet_id=key, turns=(*changed, *turned), distance_m=round(distance_m, 1)))
+    reachable.sort(key=lambda one: (one.distance_m, one.lanelet_id))
+    return tuple(one for one in reachable if one.distance_m <= _REACH_M)[:REACH_SHOWN]
 
 
 def _near(tracks: Mapping[int, Track], begin: int, center: Points, radius_m: float) -> list[int]:
@@ -209,7 +209,7 @@ def _vehicles(
 
 
 def _with_role(scene: Scene, vehicle: DescribedVehicle, roles: Mapping[int, str]) -> DescribedVehicle:
-    """Return the vehicle with its role: the ego's recording, not drivable, or ``lead``/``follow`` in another lane."""
+    """Return the vehicle with its role: the ego's recording, undrivable, or ``lead``/``follow`` in another lane."""
     track = scene.tracks.get(vehicle.vehicle_id)
     if track is not None and scene.ego is not None and is_own_recording(track, scene.ego):
         return vehicle.model_copy(update={"where": OWN_RECORDING, "gap_m": None})
@@ -227,7 +227,7 @@ def _is_undrivable(scene: Scene, track: Track) -> bool:
 
 
 def _roles(lead: int | None, follow: int | None) -> dict[int, str]:
-    roles = {lead: "nearest ahead along lanelets: 'lead'", follow: "nearest behind along lanelets: 'follow'"}
+    roles = {lead: "nearest ahead along lanelets (selector lead)", follow: "nearest behind (selector follow)"}
     return {key: role for key, role in roles.items() if key is not None}
 
 
@@ -266,21 +266,21 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
     lanelets = lanelets_of_pose(network, point, scene.ego.heading_rad)
     route = ego_route(network, scene.lanelet_graph, problem)
     goals = goal_center_lanelets(network, problem)
-    way = "the goal has no place" if not goals else "no route leads to the goal"
+    route_text = "the goal has no place" if not goals else "no route leads to the goal"
     if route is not None:
-        way = route.words
+        route_text = route.words
     return DescribedEgo(
         problem_id=scene.ego.problem_id,
         vehicle_class=scene.ego.vehicle_class,
         vehicle=vehicle_words(scene.ego.vehicle_class) + _friction_words(scene.friction),
         speed_mps=round(scene.ego.speed_mps, 4),
         lanelets=lanelets,
-        lanes=max((len(scene.lanelet_graph.beside([key])) for key in lanelets), default=0),
+        lanes=max((len(scene.lanelet_graph.parallel_lanes([key])) for key in lanelets), default=0),
         goal=_goal_words(problem, scene.step_s, point, goals),
         **_goal_figures(problem, scene.step_s, point),
         goal_lanelets=goals,
         route=route.lanelets if route else (),
-        way=way,
+        way=route_text,
     )
 
 
@@ -310,7 +310,7 @@ def vehicle_words(name: str) -> str:
 
 
 def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets: tuple[int, ...]) -> str:
-    """Return those of the goal's position, time, speed and heading that it states, as text."""
+    """Return the position, time, speed and heading that a goal states, as text."""
     states = problem.goal.state_list
     if not states:
         return "not stated"
@@ -318,7 +318,7 @@ def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets:
     if lanelets and problem.goal.lanelets_of_goal_position:
         parts.append(f"lanelet {', '.join(map(str, lanelets[:6]))}{' …' if len(lanelets) > 6 else ''}")
     elif centers := goal_centers(problem):
-        on = f" on lanelet {', '.join(map(str, lanelets[:3]))}" if lanelets else ""
+        on = f" on lanelet{'s' * (len(lanelets) > 1)} {', '.join(map(str, lanelets[:3]))}" if lanelets else ""
         parts.append(f"region {float(np.linalg.norm(centers[0] - start)):.0f} m away{on}")
     first = states[0]
     if getattr(first, "time_step", None) is not None:
@@ -340,7 +340,7 @@ def _span(value: Any, factor: float) -> str:
 def _describe_lanelets(
     scene: Scene, ego: DescribedEgo | None, center: Points, radius_m: float, most: int
 ) -> tuple[tuple[DescribedLanelet, ...], int]:
-    """Return lanelets within the radius, first those of the ego's route, then the nearest, and the total number."""
+    """Return the lanelets within the radius (those on the ego's route, then the nearest), and the network's total."""
     distances = {
         lanelet.lanelet_id: float(np.min(np.linalg.norm(lanelet.center_vertices - center, axis=1)))
         for lanelet in scene.network.lanelets

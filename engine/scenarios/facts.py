@@ -1,4 +1,4 @@
-"""Read the facts of a CommonRoad file: the paper's four metadata layers and the computed features.
+"""Read the facts of a CommonRoad file: the PlannerForge paper's four metadata layers and computed features.
 
 Paper: Methodology, Framework Setup (location, roadside constructs, participants, ego vehicle). The facts also state how
 dense the recorded traffic is, and when it meets an ego that does not react.
@@ -163,14 +163,14 @@ def manoeuvres_met(
     problem: "PlanningProblem",
     vehicle_class: str,
 ) -> tuple[Manoeuvre, ...]:
-    """Return what road users would do, in a scenario's lanes, on the path of an ego with a given problem.
+    """Return the manoeuvres that road users make on the path of an ego with a given problem, in a scenario's lanes.
 
     The result is that of :func:`read_facts` for a file with these tracks and this problem.
 
     Args:
         loaded: the scenario that has the lanes.
         graph: its lanelets.
-        tracks: the road users without the ego, by id.
+        tracks: all road users except the ego, by id.
         problem: the ego's start and goal.
         vehicle_class: the ego's class.
     """
@@ -217,7 +217,7 @@ def _placed_ego(
         x_m=float(point[0]),
         y_m=float(point[1]),
         heading_rad=heading,
-        lanes=max((len(recording.graph.beside([key])) for key in lanelets), default=0),
+        lanes=max((len(recording.graph.parallel_lanes([key])) for key in lanelets), default=0),
         lanelets=lanelets,
         goal_forms=_goal_forms(problem),
         goal_first_step=min(first, default=None),
@@ -237,7 +237,7 @@ _FARTHEST_M = 1000.0
 def _manoeuvres(
     recording: _Recording, ego: EgoFacts, route: EgoRoute | None, start_step: int
 ) -> tuple[tuple[Manoeuvre, ...], bool]:
-    """Return what the recorded traffic does on the ego's path, and whether the ego turns left unprotected."""
+    """Return the manoeuvres of the recorded traffic on the ego's path, and whether the ego turns left unprotected."""
     start = (ego.route or ego.lanelets or (None,))[0]
     if start is None:
         return (), False

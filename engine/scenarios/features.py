@@ -6,7 +6,6 @@ at a small angle). Angles in rad.
 """
 
 import math
-from collections import deque
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -28,11 +27,11 @@ from ..geometry import (
     wrap_angles,
 )
 from ..network import LaneletGraph
-from ..scene import EgoRoute, center_line, path_ahead
+from ..scene import EgoRoute, center_line, has_roundabout, path_ahead, sides_of
 from ..vehicles import TIME_GAP_MPS
 
 if TYPE_CHECKING:
-    from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
+    from commonroad.scenario.lanelet import LaneletNetwork
 
 AHEAD_OF_START_M = 100.0
 """Crossings and oncoming traffic count up to this distance from the ego's start (chosen)."""
@@ -40,7 +39,7 @@ LEAD_M, LEAD_ASIDE_M = 50.0, 1.5
 """Largest distance of a lead vehicle ahead and to the side of the path (chosen; half a lane is 1.5 to 1.9 m)."""
 CROSSING_RAD = math.radians(25.0)
 """Lanelets that meet at a smaller angle merge or diverge (chosen)."""
-ONCOMING_RAD, ONCOMING_BESIDE_M = math.radians(135.0), 12.0
+ONCOMING_RAD, ONCOMING_LATERAL_M = math.radians(135.0), 12.0
 """Oncoming traffic is turned from the path by more than this angle, within this lateral distance (chosen)."""
 MOVING_MPS = 1.0
 """Below this speed a vehicle's direction of travel is undefined (chosen)."""
@@ -112,20 +111,20 @@ def _has_oncoming(line: Points, here_m: float, tracks: dict[int, Track]) -> bool
     length = arc_length(line)[-1]
     for track in tracks.values():
         sampled = track.positions[::SAMPLED_EVERY]
-        moving = (track.speeds_mps[::SAMPLED_EVERY] >= MOVING_MPS) & is_near_line(line, sampled, ONCOMING_BESIDE_M)
+        moving = (track.speeds_mps[::SAMPLED_EVERY] >= MOVING_MPS) & is_near_line(line, sampled, ONCOMING_LATERAL_M)
         if not moving.any():
             continue
         positions, facing = sampled[moving], track.headings_rad[::SAMPLED_EVERY][moving]
         stations, offsets, turn = along_line(line, positions, facing)
         against = np.abs(wrap_angles(turn)) > ONCOMING_RAD
-        on_path = (here_m < stations) & (stations < length - 0.1) & (np.abs(offsets) <= ONCOMING_BESIDE_M)
+        on_path = (here_m < stations) & (stations < length - 0.1) & (np.abs(offsets) <= ONCOMING_LATERAL_M)
         if np.any(against & on_path):
             return True
     return False
 
 
 def is_near_line(line: Points, positions: Points, reach_m: float) -> NDArray[np.bool_]:
-    """Return which positions (n, 2) are in the box around a line, extended by a reach; all others are farther away."""
+    """Return which positions (n, 2) are in a line's box, extended by a reach; all other positions are farther away."""
     low, high = line.min(axis=0) - reach_m, line.max(axis=0) + reach_m
     inside: NDArray[np.bool_] = ((positions >= low) & (positions <= high)).all(axis=1)
     return inside
@@ -172,87 +171,6 @@ def _cross_at_angle(first: Points, second: Points, point: Points) -> bool:
         angles.append(math.atan2(step[1], step[0]))
     difference = abs(wrap_angles(np.array([angles[0] - angles[1]]))[0])
     return bool(min(difference, math.pi - difference) > CROSSING_RAD)
-
-
-LONGEST_RING_M = 400.0
-"""Longest cycle of a roundabout, about 127 m in diameter (chosen)."""
-ROUNDNESS = 0.88
-"""4π·area / perimeter² of the cycle: 1 for a circle, 0.785 for a square block of houses."""
-FEWEST_ENTRIES = 2
-"""Fewest lanelets that enter a roundabout; a turning circle has one."""
-
-
-def has_roundabout(network: "LaneletNetwork", graph: LaneletGraph) -> bool:
-    """Return True if lanelets form a circular junction.
-
-    A circular junction is a round one-way cycle of at most 400 m that at least two lanelets enter, driven anticlockwise
-    if traffic keeps right and clockwise if it keeps left. The round trip around a block of houses is neither one-way
-    nor driven that way.
-    """
-    seen: set[int] = set()
-    keeps_right = _keeps_right(network)
-    for start in sorted(graph.successors):
-        if start in seen or not graph.predecessors[start]:
-            continue
-        cycle = _shortest_cycle(graph, start)
-        seen.update(cycle)
-        if not cycle or not _is_one_way(network, cycle) or _entries(graph, cycle) < FEWEST_ENTRIES:
-            continue
-        roundness, against_the_clock = _shape(network, cycle)
-        if roundness >= ROUNDNESS and keeps_right in (None, against_the_clock):
-            return True
-    return False
-
-
-def _keeps_right(network: "LaneletNetwork") -> bool | None:
-    """Return whether traffic keeps right, judged by opposite lanes; None if no road has both directions."""
-    left = sum(1 for lane in network.lanelets if lane.adj_left is not None and not lane.adj_left_same_direction)
-    right = sum(1 for lane in network.lanelets if lane.adj_right is not None and not lane.adj_right_same_direction)
-    return None if left == right else left > right
-
-
-def _is_one_way(network: "LaneletNetwork", cycle: tuple[int, ...]) -> bool:
-    sides = [side for key in cycle for side in _neighbours(network.find_lanelet_by_id(key))]
-    return all(neighbour is None or same for neighbour, same in sides)
-
-
-def _neighbours(lane: "Lanelet") -> tuple[tuple[int | None, bool | None], ...]:
-    """Return the adjacent lanelets on the left and on the right, and whether each leads in the same direction."""
-    return (lane.adj_left, lane.adj_left_same_direction), (lane.adj_right, lane.adj_right_same_direction)
-
-
-def _shortest_cycle(graph: LaneletGraph, start: int) -> tuple[int, ...]:
-    """Return the shortest chain of successors back to the start, within the maximum length; empty if there is none."""
-    came_from: dict[int, int] = {}
-    lengths = {start: graph.length_m[start]}
-    queue = deque([start])
-    while queue:
-        current = queue.popleft()
-        for following in graph.successors[current]:
-            if following == start:
-                cycle = [current]
-                while cycle[-1] != start:
-                    cycle.append(came_from[cycle[-1]])
-                return tuple(reversed(cycle))
-            total = lengths[current] + graph.length_m[following]
-            if following not in lengths and total <= LONGEST_RING_M:
-                lengths[following], came_from[following] = total, current
-                queue.append(following)
-    return ()
-
-
-def _shape(network: "LaneletNetwork", cycle: tuple[int, ...]) -> tuple[float, bool]:
-    """Return the roundness of the cycle, and whether it is driven anticlockwise."""
-    points = np.vstack([network.find_lanelet_by_id(key).center_vertices for key in cycle])
-    following = np.roll(points, -1, axis=0)
-    perimeter = float(np.linalg.norm(following - points, axis=1).sum())
-    area = 0.5 * float((points[:, 0] * following[:, 1] - following[:, 0] * points[:, 1]).sum())
-    return 4 * math.pi * abs(area) / max(perimeter, 1e-6) ** 2, area > 0
-
-
-def _entries(graph: LaneletGraph, cycle: tuple[int, ...]) -> int:
-    inside = set(cycle)
-    return sum(1 for key in cycle for before in graph.predecessors[key] if before not in inside)
 
 
 RAMP_NEAR_M = 200.0
@@ -303,7 +221,7 @@ def _has_oncoming_lane(network: "LaneletNetwork", lanelet_id: int) -> bool:
         if lane is None or lane.lanelet_id in seen:
             continue
         seen.add(lane.lanelet_id)
-        for neighbour, same in _neighbours(lane):
+        for neighbour, same in sides_of(lane):
             if neighbour is not None and not same:
                 return True
             if neighbour is not None:

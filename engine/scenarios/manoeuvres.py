@@ -96,7 +96,7 @@ class _Ego:
 
     @property
     def reach_m(self) -> float:
-        """The station that the ego reaches within the recording, and at least the distance that counts as near."""
+        """The station that the ego reaches within the recording, at least ``AHEAD_OF_START_M`` past its start."""
         return max(float(self.stations[-1]), float(self.stations[0]) + AHEAD_OF_START_M)
 
     def gap_m(self, seen: "_Seen", index: int) -> float:
@@ -243,7 +243,7 @@ def _seen(line: Points, track: Track, start_step: int, every: int) -> _Seen | No
 
 
 def _changes(network: "LaneletNetwork", graph: LaneletGraph, ego: _Ego, seen: _Seen) -> dict[str, int]:
-    """Find ``cut_in``, ``merging`` and ``cut_out`` close ahead of the ego; return the sample of the first of each."""
+    """Find ``cut_in``, ``merging`` and ``cut_out`` close ahead of the ego; return the first sample of each, by name."""
     found: dict[str, int] = {}
     along = seen.turned < SAME_RAD
     place = np.where(np.abs(seen.offsets) <= INSIDE * ego.width_m, 1, 0)
@@ -259,7 +259,7 @@ def _changes(network: "LaneletNetwork", graph: LaneletGraph, ego: _Ego, seen: _S
         if not ego.is_close(seen, at):
             continue
         other = lanelets_at(network, seen.positions[before if comes_in else after])
-        is_next_lane = bool(graph.beside(other) & ego.lanelets) if other else True
+        is_next_lane = bool(graph.parallel_lanes(other) & ego.lanelets) if other else True
         if comes_in:
             joins = not is_next_lane and _joins(graph, other, ego.lanelets)
             merges = joins or _must_change_lane(graph, other, ego.lanelets)
@@ -290,7 +290,7 @@ def _must_change_lane(graph: LaneletGraph, lanelets: Sequence[int], onto: frozen
         after = graph.successors[key]
         if after:
             return within > 0 and all(ends(one, within - 1) for one in after)
-        row = graph.beside((key,)) - {key}
+        row = graph.parallel_lanes((key,)) - {key}
         return bool(row & onto) and any(graph.successors[one] for one in row)
 
     others = [key for key in lanelets if key not in onto]
@@ -298,7 +298,7 @@ def _must_change_lane(graph: LaneletGraph, lanelets: Sequence[int], onto: frozen
 
 
 def _braking(ego: _Ego, seen: _Seen, look_s: float) -> dict[str, int]:
-    """Find ``lead_brakes_hard`` of a vehicle close ahead in the ego's lane; return its first sample."""
+    """Find ``lead_brakes_hard`` of a vehicle close ahead in the ego's lane; return its first sample, by name."""
     looks = max(math.ceil(BRAKED_FOR_S / look_s), 1)
     if len(seen.speeds) <= looks:
         return {}

@@ -15,6 +15,9 @@ on a lanelet.
 ``Route``: lanelets in driving order, and the index of the goal.
 ``ego_route``: returns the ``EgoRoute`` of a planning problem; None if the goal has no position or cannot be reached.
 ``EgoRoute``: lanelets from the ego's start to its goal, and the turns in rad at its junctions.
+``has_roundabout``: whether lanelets form a circular junction.
+``sides_of``: a lanelet's neighbours on the left and on the right, and whether each leads in its direction.
+``BACK_RAD``: a turn beyond this leads back where the ego came from.
 ``TURN_RAD``: a heading change beyond this inside the lanelets of a junction is a turn.
 ``goal_lanelets``: returns a goal's lanelets for planners, including touched ones; None for a free position.
 ``goal_center_lanelets``: returns the lanelets that a goal lists, or those under the centre of its region; may be empty.
@@ -37,7 +40,9 @@ if TYPE_CHECKING:
     from .map_matching import LaneMatch, MapMatcher, straightness
     from .occupancies import obstacle_of
     from .poses import lanelets_of_pose
+    from .roundabouts import has_roundabout, sides_of
     from .routing import (
+        BACK_RAD,
         TURN_RAD,
         EgoRoute,
         Route,

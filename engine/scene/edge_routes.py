@@ -29,7 +29,7 @@ class EdgeGraph:
 
     @cached_property
     def successors(self) -> dict[str, tuple[str, ...]]:
-        """Edge → edges that a path leads to, sorted."""
+        """The edges that a path leads to from each edge, sorted, by edge id."""
         following: dict[str, set[str]] = {edge: set() for edge in self.layout.edges}
         for path in self.layout.paths:
             following[self.layout.lane_of[path.entry][0]].add(self.layout.lane_of[path.exit][0])
@@ -41,7 +41,7 @@ class EdgeGraph:
 
     @cached_property
     def paths_from(self) -> dict[int, tuple[int, ...]]:
-        """Lanelet → indices of the paths that leave it."""
+        """The indices of the paths that leave each lanelet, by lanelet id."""
         leaving: dict[int, list[int]] = {}
         for index, path in enumerate(self.layout.paths):
             leaving.setdefault(path.entry, []).append(index)
@@ -99,7 +99,7 @@ class EdgeGraph:
         return (*path.through, path.exit)
 
     def _straightest(self, lanelets: Iterable[int], route: Collection[str]) -> int | None:
-        """Return the index of the straightest path from some lanelets to an edge that is not on a route, or None."""
+        """Return the index of the straightest path from the given lanelets to an edge off a route, or None."""
         leaving = [index for key in lanelets for index in self.paths_from.get(key, ())]
         onward = [index for index in leaving if self.layout.lane_of[self.layout.paths[index].exit][0] not in route]
         return max(onward, key=lambda index: (self._straightness(index), -index), default=None)

@@ -91,7 +91,10 @@ def _gaps_in_lane(scene: Scene, ego: Ego) -> Iterator[tuple[int, float]]:
 
 
 def _gaps_along_lanelets(scene: Scene, ego: Ego) -> Iterator[tuple[int, float]]:
-    """Yield distances to the vehicles on the ego's lanelet and on those before and after it, ahead positive."""
+    """Yield the vehicles on the ego's lanelet and on the lanelets before and after it, with their distances in m.
+
+    Distances ahead are positive.
+    """
     if not ego.lanelets:
         return
     own, table = ego.lanelets[0], scene.layout.table
@@ -108,7 +111,7 @@ def _gaps_along_lanelets(scene: Scene, ego: Ego) -> Iterator[tuple[int, float]]:
 
 
 def _stations(scene: Scene, ego: Ego, wanted: Collection[int]) -> Iterator[tuple[int, int, float]]:
-    """Yield vehicles on some lanelets, and their arc lengths on these, at the ego's first time step."""
+    """Yield the vehicles on the wanted lanelets: id, lanelet, and arc length in m there, at the ego's first step."""
     for key, track, index in _others(scene, ego):
         match = scene.matches.get(key)
         if match is None or (lanelet := match.at(index)) not in wanted:
@@ -118,7 +121,7 @@ def _stations(scene: Scene, ego: Ego, wanted: Collection[int]) -> Iterator[tuple
 
 
 def _distances(scene: Scene, start: int, onward: Mapping[int, tuple[int, ...]], first_m: float) -> dict[int, float]:
-    """Return a mapping of lanelets in one direction to the distance in m from the ego to their near end."""
+    """Return the distance in m from the ego to the near end of each lanelet in one direction, by lanelet id."""
     lanes = scene.layout.table.lanes
     graph = Digraph[int](lambda key: ((after, lanes[key].length_m) for after in onward[key] if after != start))
     return graph.costs({key: first_m for key in onward[start] if key != start}, _LOOK_M)
@@ -164,8 +167,8 @@ class _Where:
 class EgoLane:
     """The lane that the ego follows: its centre line from behind the ego to far ahead, and the adjacent lanes.
 
-    ``lanes_left``: lanelet → number of lanes to the left of the ego's (right negative) in the ego's direction; 0 is its
-    own lane. ``length_m``: the ego's length.
+    ``lanes_left``: by lanelet, the number of lanes to the left of the ego's (right negative) in the ego's direction; 0
+    is the ego's own lane. ``length_m``: the ego's length.
     """
 
     network: "LaneletNetwork"
@@ -177,7 +180,7 @@ class EgoLane:
     length_m: float
 
     def where(self, track: Track, index: int, lanelet: int | None) -> _Where:
-        """Return where a track's vehicle is at an index of the track's arrays."""
+        """Return the position of a track's vehicle relative to the ego's lane, at an index of the track's arrays."""
         point, heading = track.positions[index], float(track.headings_rad[index])
         station, offset = project(self.line, point)
         ahead = station - self.here_m
@@ -273,7 +276,7 @@ def _backwards(network: "LaneletNetwork", graph: LaneletGraph, start: int) -> tu
 
 
 def _turn_rad(network: "LaneletNetwork", before: int, after: int) -> float:
-    """Return the angle in rad between the course of a lanelet and the start of one that follows it."""
+    """Return the angle in rad between the direction of a lanelet and the start of the next lanelet."""
     first, second = center_line(network, before), center_line(network, after)
     if len(first) < 2 or len(second) < 2:
         return math.inf

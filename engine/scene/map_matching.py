@@ -42,7 +42,7 @@ class LaneMatch:
     lanelets: tuple[int, ...]
 
     def at(self, index: int) -> int:
-        """Return the lanelet at an array index of the track (that of the last sample at or before it)."""
+        """Return the lanelet at an array index of the track: the lanelet of the last sample up to this index."""
         place = int(np.searchsorted(self.indices, index, side="right")) - 1
         return self.lanelets[max(place, 0)]
 
@@ -163,7 +163,7 @@ class MapMatcher:
         return tuple(reversed(chosen))
 
     def _cheapest(self, costs: list[float], before: list[tuple[int, float]], new: int) -> tuple[float, int]:
-        """Return the lowest cost of reaching a lanelet from the previous lanelets, and the index of the best one."""
+        """Return the lowest cost of reaching a lanelet from the previous lanelets, and the best one's index."""
         least, place = math.inf, 0
         for at, (old, _) in enumerate(before):
             cost = costs[at]

@@ -1,6 +1,6 @@
 """Bounding tracks for obstacles without a trajectory: they cover where a set-based prediction says they may be.
 
-Such an obstacle cannot be driven, but blocks the road as any other does. Each part of an occupancy becomes an oriented
+These obstacles cannot be driven, but block the road as any other does. Each part of an occupancy becomes an oriented
 rectangle around it. Because these grow and turn from step to step and a track has one size, an obstacle becomes several
 tracks, one after the other or side by side.
 """
@@ -134,7 +134,7 @@ def _pieces(chain: list[_Box]) -> Iterator[tuple[list[_Box], _Box | None]]:
 
 
 def _speeds(piece: list[_Box], following: _Box | None, step_s: float) -> Values:
-    """Return the speeds of the centres in m/s; the last equals the one before if nothing follows."""
+    """Return the speeds of the centres in m/s; the last speed equals the speed before it if nothing follows."""
     onward = [*piece, following] if following is not None else piece
     centers, steps = np.array([box.center for box in onward]), np.array([box.step for box in onward])
     if len(onward) == 1:

@@ -22,6 +22,7 @@ from ..commonroad import center_of, middle_of
 from ..geometry import Points, arc_length, point_at, project, without_repeats, wrap_angle
 from ..network import LaneletGraph
 from .poses import lanelets_of_pose
+from .roundabouts import roundabout_of
 
 if TYPE_CHECKING:
     from commonroad.planning.goal import GoalRegion
@@ -77,11 +78,11 @@ def start_lanelets(network: "LaneletNetwork", position: Points, heading_rad: flo
 
 
 def goal_lanelets(network: "LaneletNetwork", goal: "GoalRegion") -> list[int] | None:
-    """Return the lanelets that a goal lists, else those under its regions' centres, else touched ones; ascending.
+    """Return the lanelets that a goal lists, else those under its regions' centres, else those that it touches, sorted.
 
     The result is None if a goal state leaves the position free. A planner aims at these lanelets, so a region next to
-    the lanes still has a lanelet. :func:`goal_center_lanelets` is narrower; of the 195 available public planning
-    problems the two functions differ in one (ZAM_test_0-1, with a second region that only touches lanelets).
+    the lanes still has a lanelet. The function :func:`goal_center_lanelets` is narrower: of the 195 available public
+    planning problems, the two functions differ in one (ZAM_test_0-1, with a second region that only touches lanelets).
     """
     named = goal.lanelets_of_goal_position or {}
     goals: set[int] = set()
@@ -110,7 +111,7 @@ def _lanelets_of(network: "LaneletNetwork", shape: object) -> set[int]:
 def straight_on(
     network: "LaneletNetwork", graph: LaneletGraph, route: tuple[int, ...], ahead_m: float
 ) -> tuple[int, ...]:
-    """Extend the route by its straightest successors until these are ``ahead_m`` long or the network ends."""
+    """Return the route extended by its straightest successors, ``ahead_m`` long or up to the network's end."""
     longer, passed, length = list(route), set(route), 0.0
     while length < ahead_m:
         following = [key for key in graph.successors.get(longer[-1], ()) if key not in passed]
@@ -266,12 +267,19 @@ def _turns(
 ) -> tuple[float, ...]:
     """Return the total heading change inside each junction's lanelets, from the start's station to the goal's.
 
-    There is one total for each junction, so a route through a roundabout is one turn or none.
+    There is one total for each junction, so a route through a roundabout is at most one turn. At a roundabout, it is
+    the angle between the arms (``_round``), since the lanes at a small ring bend away from their road.
     """
     sums: list[float] = []
     since_fork_m = math.inf
     named = _in_intersections(network)
+    rings = _round(network, graph, lanelets, start, goal)
     for index, key in enumerate(lanelets):
+        if (ring := next((one for one in rings if one.first <= index <= one.last), None)) is not None:
+            if index == ring.first:
+                sums.append(ring.turned_rad)
+            since_fork_m = math.inf
+            continue
         begin, end = _driven(network, lanelets, index, start, goal)
         line = center_line(network, key)
         if len(line) < 2 or not (key in named or _leaves_fork(network, graph, key)):
@@ -286,6 +294,72 @@ def _turns(
         sums[-1] += turned
         since_fork_m = 0.0
     return tuple(sums)
+
+
+@dataclass(frozen=True)
+class _Round:
+    """A route's way round a roundabout: its first and last lanelet near it, as indices, and the angle of the turn."""
+
+    first: int
+    last: int
+    turned_rad: float
+
+
+def _round(
+    network: "LaneletNetwork", graph: LaneletGraph, lanelets: tuple[int, ...], start: Points, goal: Points | None
+) -> list[_Round]:
+    """Return the passages of a route around roundabouts.
+
+    The directions of the arms are those of the route over one diameter of the roundabout before and after it. The
+    lanelets on these stretches belong to the roundabout.
+    """
+    found: list[_Round] = []
+    ends_m, parts = [0.0], []
+    for index, key in enumerate(lanelets):
+        begin, end = _driven(network, lanelets, index, start, goal)
+        ends_m.append(ends_m[-1] + max(end - begin, 0.0))
+        line = center_line(network, key)
+        if len(line) < 2:
+            continue
+        stations = arc_length(line)
+        inside = (stations > begin) & (stations < end)
+        parts.append(np.vstack([point_at(line, begin)[0], line[inside], point_at(line, max(begin, end))[0]]))
+    line = without_repeats(np.vstack(parts)) if parts else np.zeros((0, 2))
+    index = 0 if len(line) > 1 else len(lanelets)
+    while index < len(lanelets):
+        ring = roundabout_of(network, graph, lanelets[index])
+        if not ring:
+            index += 1
+            continue
+        last = index
+        while last + 1 < len(lanelets) and lanelets[last + 1] in ring:
+            last += 1
+        points = np.vstack([center_line(network, key) for key in ring])
+        diameter_m = float(np.ptp(points, axis=0).max())
+        enters_m, leaves_m = ends_m[index], ends_m[last + 1]
+        first_m, last_m = max(enters_m - diameter_m, 0.0), min(leaves_m + diameter_m, ends_m[-1])
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2
+        arriving = _arm(point_at(line, first_m)[0], *point_at(line, enters_m), middle)
+        joint, heading = point_at(line, leaves_m)
+        leaving = _arm(point_at(line, last_m)[0], joint, heading + math.pi, middle)
+        turned = wrap_angle(leaving + math.pi - arriving)
+        before = next(one for one in range(len(lanelets)) if ends_m[one + 1] > first_m or one == index)
+        behind = next((one for one in range(last, len(lanelets)) if ends_m[one + 1] >= last_m), last)
+        found.append(_Round(before, behind, turned))
+        index = behind + 1
+    return found
+
+
+def _arm(outside: Points, joint: Points, heading_rad: float, middle: Points) -> float:
+    """Return the direction of an arm towards its roundabout.
+
+    Before a ring, lanes bend to one side, but lie on the other side of the middle of their road. The mean of their
+    direction and of that to the middle of the ring is the direction of the arm.
+    """
+    along, inwards = joint - outside, middle - outside
+    is_outside = float(np.linalg.norm(along)) > 1.0
+    own = math.atan2(along[1], along[0]) if is_outside else heading_rad
+    return own + wrap_angle(math.atan2(inwards[1], inwards[0]) - own) / 2
 
 
 def _driven(
@@ -323,14 +397,16 @@ def _leaves_fork(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bo
     before = graph.predecessors[key]
     if any(len(graph.successors[one]) > 1 for one in before):
         return True
-    others = {after for lane in graph.beside(before) for after in graph.successors[lane]} - graph.beside([key])
+    others = {
+        after for lane in graph.parallel_lanes(before) for after in graph.successors[lane]
+    } - graph.parallel_lanes([key])
     own = _heading_after(center_line(network, key))
     return any(abs(wrap_angle(_heading_after(center_line(network, one)) - own)) > PART_RAD for one in others)
 
 
 def _joins(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bool:
     """Return True if a lanelet's end meets a lanelet from elsewhere, such as a side street that joins a road."""
-    row = graph.beside([key])
+    row = graph.parallel_lanes([key])
     others = {before for after in graph.successors[key] for before in graph.predecessors[after]} - row
     own = _heading_after(center_line(network, key)[::-1])
     return any(abs(wrap_angle(_heading_after(center_line(network, one)[::-1]) - own)) > PART_RAD for one in others)

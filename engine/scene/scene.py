@@ -53,12 +53,12 @@ class Ego:
 
     @property
     def vehicle(self) -> VehicleParameters:
-        """Size and limits of its class, on the road of the scenario."""
+        """The size and limits of the ego's class, on the road of the scenario."""
         return ego_class(self.vehicle_class).vehicle.on_road(self.friction)
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """Length and width in m."""
+        """The length and width in m."""
         return self.vehicle.size_m
 
 
@@ -75,13 +75,12 @@ class _Region:
 class Scene:
     """A recorded scenario ready to be edited and simulated; it does not change while edits are applied.
 
-    :meth:`of` sets: ``loaded``, the file as commonroad-io reads it; ``layout``, its drivable lanelets as SUMO's edges,
-    lanes and paths through junctions; ``matcher``, for queries by position; ``tracks``, recorded vehicles with a
-    trajectory, by id; ``standing``, static obstacles as tracks of one pose; ``regions``, dynamic obstacles without a
-    trajectory as bounding tracks, which block all others; ``matches``, the lanelets of each moving or standing track
-    that is near any; ``last_step``, the recording's last step (without
-    moving road users, the last step of the goal); ``ego``, the start of the planning problem (None if
-    there is no problem).
+    :meth:`of` sets these attributes. ``loaded``: the file as commonroad-io reads it. ``layout``: its drivable lanelets
+    as SUMO's edges, lanes and paths through junctions. ``matcher``: for queries by position. ``tracks``: recorded
+    vehicles with a trajectory, by id. ``standing``: static obstacles as tracks of one pose. ``regions``: dynamic
+    obstacles without a trajectory as bounding tracks, which block all other road users. ``matches``: the lanelets of
+    each moving or standing track that is near any. ``last_step``: the recording's last step; without moving road users,
+    the last step of the goal. ``ego``: the start of the planning problem, or None.
 
     Computed on first use and cached: the graphs (``lanelet_graph``, ``driven_graph``, ``edge_graph``), the speeds of
     lanes, which are posted or usual speeds raised to the recorded ones (``straight_speeds_mps``, ``lane_speeds_mps``,
@@ -118,7 +117,7 @@ class Scene:
 
     @property
     def step_s(self) -> float:
-        """Duration of a time step in s."""
+        """The duration of a time step in s."""
         return self.loaded.step_s
 
     @property
@@ -133,17 +132,17 @@ class Scene:
 
     @cached_property
     def edge_graph(self) -> EdgeGraph:
-        """Routes of SUMO's edges."""
+        """The graph of SUMO's edges, for routes."""
         return EdgeGraph(self.layout)
 
     @cached_property
     def lanelet_graph(self) -> LaneletGraph:
-        """The reachability of lanelets."""
+        """The graph of the lanelets, with successors and lane changes."""
         return LaneletGraph.of(self.network)
 
     @cached_property
     def driven_graph(self) -> LaneletGraph:
-        """The reachability of lanelets for SUMO's vehicles, which keep their lanes inside junctions."""
+        """The graph of the lanelets for SUMO's vehicles, which keep their lanes inside junctions."""
         outside, graph = self.layout.lane_of, self.lanelet_graph
         neighbours = {
             k: tuple(n for n in near if k in outside and n in outside) for k, near in graph.neighbours.items()
@@ -153,12 +152,12 @@ class Scene:
     def graph_from_inside(self, start: int) -> LaneletGraph:
         """Return ``driven_graph`` for a vehicle inside a junction, which may change to adjacent lanelets."""
         outside, graph = self.layout.lane_of, self.lanelet_graph
-        inside = {key: graph.neighbours[key] for key in graph.beside([start]) if key not in outside}
+        inside = {key: graph.neighbours[key] for key in graph.parallel_lanes([start]) if key not in outside}
         return replace(graph, neighbours={**self.driven_graph.neighbours, **inside})
 
     @cached_property
     def straight_speeds_mps(self) -> dict[int, float]:
-        """Speed of every drivable lanelet without its curves: posted or usual, raised to the recorded speed."""
+        """The speed in m/s of each drivable lanelet without curves: posted or usual, raised to the recorded speed."""
         fastest: dict[int, float] = {}
         for key, match in self.matches.items():
             track = self.tracks.get(key)
@@ -174,7 +173,7 @@ class Scene:
 
     @cached_property
     def slow_places(self) -> dict[str, SlowPlaces]:
-        """Where SUMO's lanes of long lanelets curve: driven vehicles are slowed only in these curves."""
+        """The curves of SUMO's lanes of long lanelets, by lane id: driven vehicles are slowed only in these curves."""
         straight, lanes = self.straight_speeds_mps, self.layout.table.lanes
         return {
             f"{edge}_{index}": slow_places(lanes[key].center, straight[key], self._recorded_on(key), self.friction)

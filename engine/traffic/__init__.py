@@ -4,14 +4,14 @@
 ``sumo_running``: context manager of a simulation with its network, vehicle types and options; yields ``Sumo``.
 ``sumo_version``: returns the installed version of SUMO.
 ``vehicle_type``: returns a ``vType`` element of SUMO.
-``sumo_pose``: returns the front bumper and SUMO's angle of a vehicle, from its centre in m and heading in rad.
+``sumo_pose``: returns a vehicle's front bumper and its SUMO angle, from its centre in m and heading in rad.
 ``LaneChanges``: which lane changes a vehicle of SUMO performs.
 ``LaneHint``: SUMO's edge and lane index.
 ``NO_LANE``: the ``LaneHint`` for an unknown lane.
 ``Demand``: the wanted number of vehicles by class.
 ``plan_counts``: returns the ``Demand`` of a density and the requested classes, on a site with a given length of lane in
 km.
-``lane_km_of``: returns the kilometres of lane open to cars, without junctions.
+``lane_km_of``: returns the kilometres of lane open to cars, outside junctions.
 ``FEWEST``: the minimum number of vehicles on a site.
 ``PAPER_TRIPS``: the paper's numbers of trips by density.
 ``VEHICLES_PER_LANE_KM``: vehicles per kilometre of lane at the first step, including the ego, by density.
@@ -37,7 +37,7 @@ km.
 ``generated_vehicles``: returns the recorded vehicles with smoothed, drivable motions.
 ``drop_infeasible``: removes as few vehicles as possible so that the others are drivable and do not overlap; returns the
 two groups.
-``DroppedVehicle``: a recorded vehicle that is left out, and why.
+``DroppedVehicle``: a recorded vehicle that is left out, and the reason.
 ``DECIMALS``: decimal places of the motions.
 """
 

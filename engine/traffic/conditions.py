@@ -4,7 +4,7 @@ Hourly shares of a working day's traffic (Tuesday to Thursday, streets of West G
 city): G. Schmidt, B. Thomas, Hochrechnungsfaktoren für manuelle und automatische Kurzzeitzählungen im Innerortsbereich,
 Forschung Straßenbau und Straßenverkehrstechnik 732, Bonn 1996, p. 95 and 98, as quoted in SUMO's documentation of
 od2trips. Speeds in bad weather: freeways of the Twin Cities, thesis, Iowa State University
-(lib.dr.iastate.edu/rtd/18916): 4 to 7 % slower in heavy rain, 11 to 15 % in heavy snow, 12 % at visibilities below a
+(lib.dr.iastate.edu/rtd/18916): 4 to 7% slower in heavy rain, 11 to 15% in heavy snow, 12% at visibilities below a
 quarter of a mile; the midpoints are used.
 
 Calibrations of drivers are published measurements or fits, by name; a value that a source does not state stays at its
@@ -129,7 +129,10 @@ def published_calibrations() -> dict[str, Calibration]:
 
 
 def _british(roads: str, limit_mph: float, *, over: float, far_over: float) -> Calibration:
-    """Return cars' free speeds: the normal distribution with given shares over the limit and over it by 10 mph."""
+    """Return a calibration of cars' free speeds: the normal distribution with two given shares.
+
+    The shares are those over the limit and over the limit by 10 mph.
+    """
     at_limit, above = (NormalDist().inv_cdf(1 - share) for share in (over, far_over))
     deviation_mph = _OVER_MPH / (above - at_limit)
     factor = Spread(1 - at_limit * deviation_mph / limit_mph, deviation_mph / limit_mph)

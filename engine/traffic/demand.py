@@ -144,7 +144,7 @@ class OpenEdges:
         return sum(self.length_m[edge] / self.speed_mps[edge] for edge in route)
 
     def quickest(self, starts: Iterable[str], goal: str) -> tuple[str, ...] | None:
-        """Return the quickest route from any of some edges to an edge, both included; None if there is no route."""
+        """Return the quickest route from any of the starts to an edge, both included; None if there is no route."""
         # The cost of an edge is paid when it is left: the last one of a route costs the same on all of them.
         graph = Digraph(lambda edge: [(onward, self.travel_s([edge])) for onward in self.following[edge]])
         return graph.cheapest_route(starts, [goal])
@@ -172,7 +172,9 @@ class OpenEdges:
 
 
 def _reach(lengths: dict[str, float], following: dict[str, tuple[str, ...]]) -> dict[str, float]:
-    """Return how far one can drive from the start of each edge, at most ``FARTHEST_M``, in time linear in the edges.
+    """Return the distance in m that one can drive from the start of each edge, at most ``FARTHEST_M``.
+
+    The time is linear in the number of edges.
 
     Edges are removed from the end of the routes (Kahn's order, backwards); an edge that cannot be removed leads into a
     cycle, on which one can drive indefinitely.
@@ -195,6 +197,6 @@ def _reach(lengths: dict[str, float], following: dict[str, tuple[str, ...]]) -> 
 
 
 def lane_km_of(net: SumoNet) -> float:
-    """Return the kilometres of lane open to cars, without junctions."""
+    """Return the kilometres of lane open to cars, outside junctions."""
     lanes = (lane for lane in net.lanes.values() if not lane.internal and "passenger" in lane.allowed)
     return sum(length_m(lane.shape) for lane in lanes) / 1000

@@ -38,7 +38,7 @@ class GeneratedVehicle:
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """Length and width."""
+        """The length and width in m."""
         return self.vehicle_class.length_m, self.vehicle_class.width_m
 
     @property
@@ -59,7 +59,7 @@ def generated_vehicles(tracks: Iterable[RawTrack], step_s: float) -> tuple[Gener
 
 @dataclass(frozen=True)
 class DroppedVehicle:
-    """A recorded vehicle that is left out, and why."""
+    """A recorded vehicle that is left out, and the reason."""
 
     vehicle: GeneratedVehicle
     code: Literal["not_drivable", "overlap"]
@@ -68,7 +68,7 @@ class DroppedVehicle:
 def drop_infeasible(
     everyone: Sequence[GeneratedVehicle], needed: Mapping[str, int]
 ) -> tuple[tuple[GeneratedVehicle, ...], tuple[DroppedVehicle, ...]]:
-    """Return the vehicles that stay, and as few as possible that cannot be driven or overlap others.
+    """Return the vehicles that stay, and as few as possible that cannot be driven or overlap other vehicles.
 
     ``needed``: how many of a class must stay, even if their motion cannot be driven.
     """

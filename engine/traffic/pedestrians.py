@@ -85,15 +85,19 @@ def _approaches(net: WalkNet, crossing: Crossing) -> list[tuple[Pavement, str, P
     Pairs of pavements that also meet at another junction (the two sides of one road) are a last resort: SUMO would
     connect them at the second junction.
     """
-    ways = []
+    approaches = []
     for near, far in (crossing.corners, crossing.corners[::-1]):
         behind = net.pavements_at(far)
-        ways += [(before, near, after) for before in net.pavements_at(near) for after in behind if after != before]
-    return [way for way in ways if not _meet_elsewhere(way[0], way[2], _junction(way[1]))] or ways
+        approaches += [
+            (before, near, after) for before in net.pavements_at(near) for after in behind if after != before
+        ]
+    return [
+        approach for approach in approaches if not _meet_elsewhere(approach[0], approach[2], _junction(approach[1]))
+    ] or approaches
 
 
 def _meet_elsewhere(one: Pavement, other: Pavement, junction: str) -> bool:
-    """Return True if two pavements that meet at a junction also meet at another one."""
+    """Return True if two pavements that meet at a junction also meet at another junction."""
     ends = [{_junction(end) for end in (way.begins_at, way.ends_at) if end is not None} for way in (one, other)]
     return bool((ends[0] & ends[1]) - {junction})
 
@@ -143,7 +147,7 @@ def _onward(net: WalkNet, walk: Walk, entered_at: str | None, duration_s: float,
 
 
 def _pedestrian_type() -> str:
-    """Return SUMO's type of a person."""
+    """Return the ``vType`` element for people."""
     return vehicle_type(
         PEDESTRIAN.name,
         vClass=PEDESTRIAN.sumo_class,
@@ -158,7 +162,7 @@ def _pedestrian_type() -> str:
 
 @dataclass
 class _WalkRecording:
-    """The recorded data of a person: the first step, fronts, SUMO's headings and edges."""
+    """The recorded data of a person: the first step, fronts, headings from SUMO and edges."""
 
     first_step: int
     fronts: list[tuple[float, float]] = field(default_factory=list)
@@ -261,7 +265,7 @@ def walked_motion(centers: Points, first_heading_rad: float, step_s: float, lead
 
 
 def _fill_forward(values: Values, known: "np.ndarray[tuple[int], np.dtype[np.bool_]]", first: float) -> Values:
-    """Return the values, with unknown ones replaced by the last known value before."""
+    """Return the values, with unknown values replaced by the last known value before."""
     filled, last = [], first
     for value, is_known in zip(values.tolist(), known.tolist(), strict=True):
         last = value if is_known else last

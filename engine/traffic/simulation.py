@@ -133,7 +133,7 @@ def simulate_traffic(
 
 
 def _vehicle_type(vehicle_class: VehicleClass, style: DrivingStyle) -> str:
-    """Return SUMO's type for a class: EIDM as the follower model, real dimensions, speeds around the limit.
+    """Return the SUMO type of a vehicle class: EIDM as the follower model, real dimensions, speeds around the limit.
 
     It is a distribution of types if the drivers of the class differ in more than their speed.
     """
@@ -178,7 +178,10 @@ def _vehicle_type(vehicle_class: VehicleClass, style: DrivingStyle) -> str:
 
 
 class _Source:
-    """Keeps the wanted number of vehicles of every class on the net; ``classes``: of those inserted, by SUMO's id."""
+    """Keeps the wanted number of vehicles of every class on the net.
+
+    ``classes``: the classes of the inserted vehicles, by SUMO id.
+    """
 
     def __init__(self, sumo: Sumo, demand: Demand, trips: TripMaker, choice: random.Random) -> None:
         self._sumo, self._demand, self._trips, self._choice = sumo, demand, trips, choice

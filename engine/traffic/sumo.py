@@ -67,17 +67,17 @@ def sumo_version() -> str:
 
 
 def sumo_angle_deg(heading_rad: float) -> float:
-    """Return SUMO's angle in [0, 360) for a heading."""
+    """Return the angle for a heading in SUMO's convention: degrees clockwise from north, in [0, 360)."""
     return (90.0 - math.degrees(heading_rad)) % 360.0
 
 
 def heading_of_angle_rad(angle_deg: float) -> float:
-    """Return the heading for SUMO's angle, in (-3π/2, π/2]."""
+    """Return the heading in rad, in (-3π/2, π/2], for an angle in SUMO's degrees."""
     return math.radians(90.0 - angle_deg)
 
 
 def sumo_pose(x_m: float, y_m: float, heading_rad: float, length_m: float) -> tuple[float, float, float]:
-    """Return the front bumper (x, y) and SUMO's angle of a vehicle whose centre is at a position."""
+    """Return a vehicle's front bumper (x, y) and its angle in SUMO's degrees, from its centre and heading."""
     ahead_m = length_m / 2
     front = x_m + ahead_m * math.cos(heading_rad), y_m + ahead_m * math.sin(heading_rad)
     return *front, sumo_angle_deg(heading_rad)
@@ -117,7 +117,7 @@ def sumo_running(
         refusal: returns the error for a network, vehicle type or option that SUMO refuses, from its reason.
 
     Raises:
-        PlannerForgeError: the refusal.
+        PlannerForgeError: SUMO refuses one of these; ``refusal`` returns the error.
         WorkerFailure: SUMO stopped inside the block.
     """
     import libsumo
@@ -146,7 +146,7 @@ def sumo_running(
 
 
 class Sumo:
-    """The running simulation. ``key`` is SUMO's id of a vehicle, ``lane`` that of a lane (``<edge>_<index>``)."""
+    """The running simulation. ``key`` is a vehicle's SUMO id, ``lane`` a lane's (``<edge>_<index>``)."""
 
     def __init__(self, libsumo: Any) -> None:
         self._libsumo = libsumo
@@ -204,7 +204,7 @@ class Sumo:
     def add_pedestrian(
         self, key: str, edges: Sequence[str], stations_m: tuple[float, float], pedestrian_type: str
     ) -> None:
-        """Put a person onto the pavement of the first edge, to walk along the edges to a point on the last one.
+        """Put a person onto the pavement of the first edge, to walk along the edges to a point on the last edge.
 
         ``stations_m``: distances of the start and end points from the start of their edges.
         """
@@ -221,7 +221,7 @@ class Sumo:
         return x, y
 
     def pedestrian_angle_deg(self, key: str) -> float:
-        """Return SUMO's angle of a person."""
+        """Return the direction that a person faces, in SUMO's convention: degrees clockwise from north."""
         return float(self._person.getAngle(key))
 
     def pedestrian_edge(self, key: str) -> str:
@@ -266,7 +266,7 @@ class Sumo:
         """Have a held vehicle stand where it is until it is placed again."""
         self._vehicle.setSpeed(key, 0.0)
 
-    def let_roll(self, key: str) -> None:
+    def cancel_stop(self, key: str) -> None:
         """Undo :meth:`stop_at_once`."""
         self._vehicle.setSpeed(key, _DRIVERS_CHOICE)
 
@@ -304,7 +304,7 @@ class Sumo:
     def _mode(self, key: str, mode: int) -> int:
         return mode & ~_LIGHTS_AND_RIGHT_OF_WAY if key in self._ignoring_lights else mode
 
-    def let_drive(self, key: str) -> None:
+    def release(self, key: str) -> None:
         """Let SUMO drive the vehicle from now on."""
         self._vehicle.setSpeed(key, _DRIVERS_CHOICE)
         self._vehicle.setSpeedMode(key, self._mode(key, _DRIVEN_SPEED_MODE))
@@ -357,7 +357,7 @@ class Sumo:
         return x, y
 
     def angle_deg(self, key: str) -> float:
-        """Return SUMO's angle of a vehicle."""
+        """Return a vehicle's angle in SUMO's convention: degrees clockwise from north."""
         return float(self._vehicle.getAngle(key))
 
     def speed_mps(self, key: str) -> float:
@@ -369,7 +369,7 @@ class Sumo:
         return float(self._vehicle.getLateralSpeed(key))
 
     def state(self, key: str, length_m: float) -> tuple[float, float, float, float]:
-        """Return centre x and y, heading in [-π, π], and speed."""
+        """Return the vehicle's centre (x, y) in m, heading in [-π, π] and speed in m/s."""
         x, y = self.front(key)
         heading = math.remainder(heading_of_angle_rad(self._vehicle.getAngle(key)), math.tau)
         back_m = length_m / 2

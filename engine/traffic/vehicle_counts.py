@@ -23,7 +23,7 @@ NAMED_SHARE = 0.2
 
 @dataclass(frozen=True)
 class Demand:
-    """The wanted vehicles by class; ``least`` and ``most`` are the request's own bounds, without the ego.
+    """The wanted vehicles by class; ``least`` and ``most`` are the request's own bounds, excluding the ego.
 
     ``bounded_by``: what keeps the number of vehicles below the requested density, if anything. ``ego_class``: the class
     of the vehicle that is the ego.
@@ -87,23 +87,23 @@ def plan_counts(
         UnknownName: a class does not exist.
     """
     known = vehicle_classes()
-    asked = {demand.vehicle_class: demand for demand in vehicles}
-    for name in asked:
+    requested = {demand.vehicle_class: demand for demand in vehicles}
+    for name in requested:
         if name not in known:
             raise UnknownName(f"there is no vehicle class {name!r}", valid=closest(name, known), reason="unknown_class")
     dense = round((per_lane_km or VEHICLES_PER_LANE_KM[density]) * lane_km)
     wanted = min(max(dense, fewest), MOST)
-    named = NAMED_SHARE / max(1, len(asked) / 2)
-    counts = {name: _count_of(demand, wanted, named) for name, demand in asked.items()}
+    named = NAMED_SHARE / max(1, len(requested) / 2)
+    counts = {name: _count_of(demand, wanted, named) for name, demand in requested.items()}
     rest = max(wanted - sum(count for name, count in counts.items() if name != "car"), 1)
-    if (cars := asked.get("car")) is not None:
+    if (cars := requested.get("car")) is not None:
         rest = max(rest, cars.needed + 1)
         rest = rest if cars.most is None else min(rest, cars.most + 1)
     counts["car"] = rest
     return Demand(
         counts={name: counts[name] for name in known if counts.get(name)},
-        least={name: asked[name].needed for name in known if name in asked},
-        most={name: limit for name, demand in sorted(asked.items()) if (limit := demand.most) is not None},
+        least={name: requested[name].needed for name in known if name in requested},
+        most={name: limit for name, demand in sorted(requested.items()) if (limit := demand.most) is not None},
         bounded_by=f"a site has at most {MOST} vehicles" if dense > MOST else "",
     )
 

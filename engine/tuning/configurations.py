@@ -19,7 +19,7 @@ def preset_configuration(planner: str, preset: str | None = None) -> PlannerConf
     """Return the unchanged configuration of a preset (by default the planner's first) with the default settings.
 
     Raises:
-        UnknownName: No such planner or preset.
+        UnknownName: There is no such planner or preset.
     """
     name, tuning = known_planner(planner), tuning_of(planner)
     chosen = tuning.presets[tuning.first_preset] if preset is None else tuning.preset(preset)
@@ -61,7 +61,7 @@ def changed_configuration(
                 taken.append(f"{preset.strip()!r} is read as the preset {chosen.name}")
             start = base.model_copy(update={"weights": dict(chosen.weights), "preset": chosen.name})
     with faults.collecting():
-        values, elsewhere = start.weights | start.external_weights, _names_elsewhere(base.planner)
+        values, elsewhere = start.weights | start.external_weights, _names_elsewhere()
         changed = apply_assignments(values, changes, limits=tuning.limits, elsewhere=elsewhere)
     with faults.collecting():
         after, setting_notes = changed_settings(base.settings, settings)
@@ -80,7 +80,7 @@ def from_file(file: WeightFile) -> PlannerConfiguration:
     A file in our own form needs no template: the configuration follows from its values alone.
 
     Raises:
-        UnknownName: No such planner, weight or setting.
+        UnknownName: There is no such planner, weight or setting.
         InvalidRequest: A value is out of its range.
     """
     made, _ = changed_configuration(preset_configuration(file.planner), None, file.weights, file.settings)
@@ -99,13 +99,14 @@ def differences(before: PlannerConfiguration, after: PlannerConfiguration) -> tu
     return tuple(WeightChange(name=name, before=old[name], after=new[name]) for name in old if old[name] != new[name])
 
 
-def _names_elsewhere(planner: str) -> dict[str, str]:
-    """Map names that are not weights of this planner to an explanation, such as weights of other planners."""
-    names: dict[str, str] = {}
+def _names_elsewhere() -> dict[str, str]:
+    """Map names to the explanation why a planner has no such weight, such as that it belongs to other planners."""
+    owners: dict[str, list[str]] = {}
     for other in PLANNERS:
         tuning = tuning_of(other)
-        of_other = dict.fromkeys((*tuning.weights, *tuning.external), f"it is a weight of {other}, not of {planner}")
-        names = of_other | names  # the first planner that has it wins
+        for name in dict.fromkeys((*tuning.weights, *tuning.external)):
+            owners.setdefault(name, []).append(other)
+    names = {name: f"it is a weight of {', '.join(planners)}" for name, planners in owners.items()}
     return names | dict.fromkeys(known_settings(), "it is a setting; pass it in settings")
 
 

@@ -103,7 +103,7 @@ def parse_objective(text: str) -> Objective:
 
     Raises:
         InvalidRequest: The text is malformed.
-        UnknownName: No such measure.
+        UnknownName: There is no such measure.
     """
     found = _TERM.fullmatch(text.strip())
     if found is None:
@@ -116,7 +116,7 @@ def parse_constraint(text: str) -> Constraint:
 
     Raises:
         InvalidRequest: The text is malformed.
-        UnknownName: No such measure.
+        UnknownName: There is no such measure.
     """
     found = _BOUND.fullmatch(text.strip())
     if found is None:

@@ -209,7 +209,7 @@ def _sampler(request: ProposeRequest) -> "optuna.samplers.BaseSampler":
 
 
 def judge_gain(request: GainRequest, report: ProgressReporter) -> Gain:
-    """Return the mean difference over scenarios, with its 95 % interval from Student's t (an operation)."""
+    """Return the mean difference over scenarios, with its 95% interval from Student's t (an operation)."""
     from scipy.special import stdtrit
 
     groups: dict[str, list[float]] = {}

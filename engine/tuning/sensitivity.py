@@ -1,4 +1,4 @@
-"""Finds the weights that matter on some scenarios: Morris screening and Sobol total indices from SALib.
+"""Finds the weights that matter on a set of scenarios: Morris screening and Sobol total indices from SALib.
 
 Morris (1991, "Factorial sampling plans for preliminary computational experiments") changes one weight at a time along
 random paths through the space; μ* (Campolongo, Cariboni and Saltelli 2007) is the mean absolute change. Sobol's total
@@ -72,7 +72,7 @@ def sensitivity_effects(request: EffectsRequest, report: ProgressReporter) -> Ef
 
 
 def _analysed(design: DesignRequest, points: Any, values: "NDArray[np.float64]") -> tuple[list[float], list[float]]:
-    """Return the effect of each weight and its 95 % interval's half-width; all are 0 if the objective never changes."""
+    """Return the effect of each weight and its 95% interval's half-width; all are 0 if the objective never changes."""
     if values.std() == 0:
         return [0.0] * len(design.names), [0.0] * len(design.names)
     problem, seed = _problem(design), legacy_seed(design.seed)
@@ -111,7 +111,7 @@ def _couples(design: DesignRequest, place: int) -> list[tuple[int, int]]:
 
 
 def _changes(request: EffectsRequest) -> "dict[str, NDArray[np.float64]]":
-    """Return, by weight, each scenario's change of objective between points that differ only in it: (pairs, s).
+    """Return, by weight, the changes of the objective between points that differ only in that weight: (pairs, s).
 
     Scenarios without a score at some point are left out; the result is empty if no scores are given.
     """
@@ -129,7 +129,7 @@ def _changes(request: EffectsRequest) -> "dict[str, NDArray[np.float64]]":
 
 
 def _chance(changes: "NDArray[np.float64]", units: Sequence[str], design: DesignRequest) -> float:
-    """Return how often random signs of scenarios give an effect as large as the observed one; never 0."""
+    """Return the p value: how often random signs of scenarios give at least the observed effect; never 0."""
     import numpy as np
 
     names = list(dict.fromkeys(units))

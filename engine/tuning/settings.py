@@ -31,7 +31,7 @@ def apply_assignments(
     kind: str = "cost weight",
     elsewhere: Mapping[str, str] | None = None,
 ) -> _ChangedValues:
-    """Return the weights (or settings) after all changes, in order; applies either all changes or none.
+    """Return the weights (or settings) after all changes, in order; apply no change if one is refused.
 
     ``jerk=lateral_jerk`` copies the other weight's value at that point. ``limits``: ranges of single names, otherwise 0
     to 1e6; ``elsewhere``: maps names that do not belong here to an explanation.
@@ -98,7 +98,11 @@ def _without_value(text: str, before: float) -> InvalidRequest:
     """Return the refusal of a name without a value, which suggests an assignment with the current value."""
     name = text.partition("=")[0].strip()
     remedies = [instead(text, f"{name}={before:g}")]
-    return InvalidRequest(f"'{text}' assigns no value", valid=["name=0.5", "name*2", "name+0.1"], remedies=remedies)
+    return InvalidRequest(
+        f"'{text}' assigns no value; {name} is {before:g} now",
+        valid=["name=0.5", "name*2", "name+0.1"],
+        remedies=remedies,
+    )
 
 
 def _value(change: Assignment, before: float, text: str) -> float:

@@ -71,7 +71,7 @@ class PlannerTuning:
 
     @property
     def limits(self) -> dict[str, tuple[float, float]]:
-        """Ranges of the weights that differ from 0 to 1e6."""
+        """The ranges of the weights that have a range other than 0 to 1e6, by name."""
         ranges = {name: (weight.lowest, weight.highest) for name, weight in self.weights.items()}
         return {name: limits for name, limits in ranges.items() if limits != (0.0, LARGEST_WEIGHT)}
 
@@ -79,7 +79,7 @@ class PlannerTuning:
         """Return a preset by its name, short name or usual synonym, ignoring case.
 
         Raises:
-            UnknownName: No such preset; the error lists the names, likeliest first.
+            UnknownName: There is no such preset; the error lists the names, likeliest first.
         """
         folded = word.strip().lower()
         for preset in self.presets.values():
@@ -112,7 +112,7 @@ def tuning_of(planner: str) -> PlannerTuning:
     """Return the options of a planner.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
         PlannerFailure: A user-supplied planner cannot be imported.
     """
     name = known_planner(planner)
@@ -154,7 +154,12 @@ _COST_WEIGHTS = (
     Weight("acceleration", "integral of acceleration² (Simpson)", "gentler speed changes", "core"),
     Weight("jerk", "integral of total jerk²", "smoother acceleration", "core"),
     Weight("lateral_jerk", "root of lateral jerk² over the first 0.1 s", "smoother steering", "core"),
-    Weight("longitudinal_jerk", "root of longitudinal jerk² over the first 0.1 s", "smoother pedals", "core"),
+    Weight(
+        "longitudinal_jerk",
+        "root of longitudinal jerk² over the first 0.1 s",
+        "smoother acceleration and braking",
+        "core",
+    ),
     Weight(
         "orientation_offset",
         "heading offset from the path, over the second half and at the end",
@@ -295,14 +300,17 @@ _FISS_WEIGHTS = (
     Weight("jerk", "mean jerk², along and across", "smoother", "core"),
     Weight("lateral", "(final offset from the lane's centre)²", "ends at the lane's centre", "core"),
     Weight("lane_change", "lanes changed", "stays in its lane", "core"),
-    Weight("route", "1 in a lane that the route does not change to", "stays on its route", "ours", term="lane_change"),
+    Weight("route", "1 in a lane that the route does not use", "stays on its route", "ours", term="lane_change"),
     _parameter(
-        "history", "squared distance to the last end state; in fiss's first guess", "searches near its last", "core"
+        "history",
+        "squared distance to the previous end state, in fiss's first guess",
+        "searches near the previous result",
+        "core",
     ),
     Weight("headway", "mean (1 − gap / desired gap)² ahead", "keeps its distance ahead", "core", term="proximity"),
     Weight(
         "time_to_collision",
-        "mean (1 − TTC / desired TTC)² ahead",
+        "mean (1 − time to collision / desired one)² ahead",
         "slows down earlier for others",
         "core",
         term="proximity",
@@ -316,17 +324,38 @@ _FISS_WEIGHTS = (
     ),
     _parameter("desired_gap_m", "desired gap at standstill, m", "stops farther behind others", "core", 0.1, 30.0),
     _parameter("desired_headway_s", "desired time gap ahead, s", "follows farther away", "core", 0.0, 10.0),
-    _parameter("desired_time_to_collision_s", "desired TTC, s", "slows down earlier for others", "core", 0.1, 30.0),
+    _parameter(
+        "desired_time_to_collision_s",
+        "desired time to collision, s",
+        "slows down earlier for others",
+        "core",
+        0.1,
+        30.0,
+    ),
     _parameter("desired_clearance_m", "desired lateral gap, m", "passes others farther away", "core", 0.1, 10.0),
     _parameter(
-        "follow_time_s", "time to close to the desired gap, s; 0: never slower", "closes up slower", "core", 0.0, 30.0
+        "follow_time_s",
+        "time to reach the desired gap, s; 0: never drives slower than the leader",
+        "closes up more slowly",
+        "core",
+        0.0,
+        30.0,
     ),
-    _parameter("least_gap_m", "smallest gap ahead, m; hard", "rejects closer following", "core", 0.0, 30.0),
-    _parameter("least_headway_s", "smallest time gap ahead, s; hard", "rejects closer following", "core", 0.0, 10.0),
-    _parameter("least_time_to_collision_s", "smallest TTC, s; hard", "rejects faster approaching", "core", 0.0, 30.0),
-    _parameter("reaction_time_s", "grace period after a cut-in, s", "hard distances apply later", "core", 0.0, 5.0),
+    _parameter("least_gap_m", "smallest gap ahead, m; hard limit", "rejects closer following", "core", 0.0, 30.0),
     _parameter(
-        "crossing_gap_s", "smallest time to crossing traffic, s; hard", "waits for larger gaps", "core", 0.0, 5.0
+        "least_headway_s", "smallest time gap ahead, s; hard limit", "rejects closer following", "core", 0.0, 10.0
+    ),
+    _parameter(
+        "least_time_to_collision_s",
+        "smallest time to collision, s; hard limit",
+        "rejects candidates that close in fast",
+        "core",
+        0.0,
+        30.0,
+    ),
+    _parameter("reaction_time_s", "grace period after a cut-in, s", "hard limits apply later", "core", 0.0, 5.0),
+    _parameter(
+        "crossing_gap_s", "smallest time to crossing traffic, s; hard limit", "waits for larger gaps", "core", 0.0, 5.0
     ),
 )
 """The available weights and distances of FISS's core; meanings from its documentation, defaults of version 1.0.0."""
@@ -379,7 +408,14 @@ _RSS = (
     Weight("response_s", "response time ρ, s", "reacts later", "ours", 0.0, 3.0),
     Weight("own_mps2", "its own assumed deceleration, m/s²", "smaller safe distance", "ours", 0.5, 9.0),
     Weight("front_mps2", "leader's hardest deceleration, m/s²", "larger safe distance", "ours", 0.5, 10.0),
-    Weight("across_mps2", "lateral acceleration of others, m/s²", "smaller or larger lateral gap", "ours", 0.1, 5.0),
+    Weight(
+        "across_mps2",
+        "lateral acceleration of others, m/s²",
+        "another lateral gap (smaller or larger)",
+        "ours",
+        0.1,
+        5.0,
+    ),
     Weight("fluctuation_m", "lateral fluctuation µ, m", "larger lateral gap", "ours", 0.0, 2.0),
 )
 
@@ -389,7 +425,11 @@ def _reference(weights: tuple[Weight, ...], values: tuple[float, ...], summary: 
     presets = (
         _preset(weights, "Default", "Default", "its source's parameters; follows others like idm", (1.0, 2.0, *values)),
         _preset(
-            weights, "Verdict", "Verdict", "as in verdicts: keeps its speed until it sees a danger", (0.0, 2.0, *values)
+            weights,
+            "Verdict",
+            "Verdict",
+            "as in verdicts on collisions: keeps its speed until it sees a danger",
+            (0.0, 2.0, *values),
         ),
     )
     return PlannerTuning(summary, _by_name(weights), {}, _by_name(presets), idle_settings=_PATH_FOLLOWERS_IGNORE)
@@ -422,7 +462,7 @@ TUNINGS = {
         idle_settings=_PATH_FOLLOWERS_IGNORE,
     ),
     "fiss": PlannerTuning(
-        summary="fast iterative search over sampled end states (FISS; search=0 to 3: fop, fop_plus, fiss, fiss_plus)",
+        summary="fast iterative search over sampled end states (or all of them: setting search=0, fop, or 1, fop_plus)",
         weights=_by_name(_FISS_WEIGHTS),
         external={},
         presets=_by_name(_FISS_PRESETS),
@@ -430,9 +470,11 @@ TUNINGS = {
     "r157_careful": _reference(
         _CAREFUL,
         (0.375, 0.4, 0.75, 2.0, 2.0, 5.0),
-        "reference driver: the careful and competent human driver of UN R157",
+        "reference driver: the careful and competent human driver of UN regulation R157",
     ),
-    "fsm": _reference(_FUZZY, (0.75, 4.0, 6.0, 7.0, 2.0, 2.0), "reference driver: the fuzzy safety model of UN R157"),
+    "fsm": _reference(
+        _FUZZY, (0.75, 4.0, 6.0, 7.0, 2.0, 2.0), "reference driver: the fuzzy safety model of UN regulation R157"
+    ),
     "rss": _reference(_RSS, (0.75, 4.0, 8.0, 1.0, 0.3), "reference driver: Responsibility-Sensitive Safety"),
     "full_braking": PlannerTuning(
         "reference driver: brakes fully from the start", {}, {}, _NO_PARAMETERS, idle_settings=_PATH_FOLLOWERS_IGNORE

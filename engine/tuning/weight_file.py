@@ -213,7 +213,9 @@ def read_yaml(path: Path, most_brackets: int) -> Any:
             raise UnsafeInput(f"{shown_name(path.name)} has YAML aliases", next_step="write out the values")
         return yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506 - it creates only texts, lists and mappings
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        what = str(error).splitlines()[0] if str(error) else type(error).__name__
+        mark = getattr(error, "problem_mark", None)
+        what = getattr(error, "problem", None) or (str(error).splitlines() or [type(error).__name__])[0]
+        what += "" if mark is None else f" (line {mark.line + 1})"
         raise UnsafeInput(f"{shown_name(path.name)} is not readable as YAML: {cited(what)}") from error
 
 

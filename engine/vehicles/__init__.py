@@ -3,11 +3,11 @@
 ``VehicleClass``: one class of vehicle: its SUMO class, CommonRoad type, size in m and limits in m/s and m/s².
 ``class_by_size``: returns the class that matches a recorded obstacle's CommonRoad type and length; None if no class
 does.
-``nearest_class``: returns the class of a CommonRoad type whose length is nearest to a recorded length.
+``nearest_class``: returns the class of a CommonRoad type with the length nearest to a recorded length.
 ``vehicle_classes``: returns all classes by the word used for them in requests.
 ``vehicle_class_of``: returns the class of road user for a word in any language; None for other words.
 ``PEDESTRIAN``: a pedestrian as a class of road users, which is not a vehicle class.
-``can_be_there``: returns whether a vehicle can be between two distances ahead after n times at m speeds, shape (n, m).
+``can_be_between``: returns whether a vehicle can be between two distances after n times at m speeds, shape (n, m).
 ``centers``: returns positions of the centre, shape (n, 2) in m, for positions of the rear axle and headings.
 ``farthest_m``: returns the longest distance in m that a vehicle covers in a time.
 ``latest_passing_s``: returns the time by which a vehicle must have covered a distance; infinite if it can stop first.
@@ -24,14 +24,14 @@ does.
 ``MODEL_WORDS``: descriptions of CommonRoad's motion models.
 ``VEHICLES``: CommonRoad's vehicles by their id.
 ``VehicleParameters``: size and limits of an ego.
-``comfortable_mps2``: returns comfortable braking and lateral acceleration on a road with some friction.
+``comfortable_mps2``: returns comfortable braking and lateral acceleration on a road with the given friction.
 ``commonroad_vehicle``: returns the id of the CommonRoad vehicle for settings and an ego's class; None if there is no
 such vehicle.
-``hardest_braking_mps2``: returns what tyres allow, longitudinally and laterally, on a road with some friction, in m/s².
+``hardest_braking_mps2``: returns the acceleration in m/s² that tyres allow on a road with the given friction.
 ``refused_by_planners``: returns why the built-in planners refuse an ego of a class; empty if they drive it.
 ``vehicle_of``: returns the vehicle for settings and an ego's class.
 ``ARC_LENGTH_MPS``: below this speed, derivatives with respect to arc length cannot be computed from those in time.
-``CUT_IN_REACTION_S``: the reaction time of a vehicle whose lane another cuts into, from UN Regulation 157.
+``CUT_IN_REACTION_S``: the reaction time of a vehicle after another cuts into its lane, from UN Regulation 157.
 ``HAND_OVER_S``: how long before a collision a vehicle is handed over to SUMO.
 ``HARD_BRAKING_REACTION_S``: the minimum time after which a driver brakes hard.
 ``HEADING_MPS``: below this speed, the recorded heading of a vehicle does not count.
@@ -57,7 +57,7 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .classes import PEDESTRIAN, VehicleClass, class_by_size, nearest_class, vehicle_classes
-    from .kinematics import can_be_there, centers, farthest_m, latest_passing_s, least_time_s, rear_axle
+    from .kinematics import can_be_between, centers, farthest_m, latest_passing_s, least_time_s, rear_axle
     from .models import (
         BMW_320I,
         COMFORTABLE_MPS2,

@@ -53,7 +53,7 @@ def vehicle_classes() -> dict[str, VehicleClass]:
 
 
 def nearest_class(commonroad_type: str, length_m: float) -> VehicleClass:
-    """Return the class of a CommonRoad type whose length is nearest to a recorded one; a car for other types."""
+    """Return the class of a CommonRoad type with the length nearest to a recorded length; a car for other types."""
     fitting = [known for known in _CLASSES if known.commonroad_type == commonroad_type] or _CLASSES[:1]
     return min(fitting, key=lambda known: abs(known.length_m - length_m))
 

@@ -48,7 +48,7 @@ def farthest_m(speed_mps: float, duration_s: float, vehicle: VehicleParameters, 
     return speed_mps * faster_s + gained_m + top * (duration_s - faster_s)
 
 
-def can_be_there(
+def can_be_between(
     speed_mps: float,
     bounds_m: tuple[float, float],
     times_s: Values,

@@ -1,4 +1,4 @@
-"""CommonRoad's vehicles 1 to 4, the vehicle of each ego class, and that of a configuration with a class.
+"""CommonRoad's vehicles 1 to 4, the vehicle of each ego class, and the vehicle of a configuration with a class.
 
 The server's process imports this module, so it does not use numpy.
 """
@@ -37,7 +37,7 @@ class VehicleParameters:
     friction: float | None = None
 
     def on_road(self, friction: float | None) -> "VehicleParameters":
-        """Return the vehicle on a road with some friction, which limits the tyres; the power stays the same."""
+        """Return the vehicle on a road with the given friction, which limits the tyres; the power stays the same."""
         if friction is None:
             return self
         largest = min(self.maximum_acceleration_mps2, friction * GRAVITY_MPS2)
@@ -51,12 +51,12 @@ class VehicleParameters:
 
     @property
     def comfortable_mps2(self) -> float:
-        """Comfortable braking and lateral acceleration on the road."""
+        """The comfortable braking and lateral acceleration on the road, in m/s²."""
         return comfortable_mps2(self.friction)
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """Length and width in m."""
+        """The length and width in m."""
         return self.length_m, self.width_m
 
     def most_acceleration_mps2(self, speed_mps: float) -> float:
@@ -65,7 +65,7 @@ class VehicleParameters:
 
     @property
     def largest_curvature_per_m(self) -> float:
-        """Curvature in 1/m of the rear axle's path at full lock."""
+        """The curvature in 1/m of the rear axle's path at full lock."""
         return math.tan(self.maximum_steering_rad) / self.wheelbase_m
 
 
@@ -93,12 +93,12 @@ COMFORTABLE_MPS2 = 4.0
 
 
 def hardest_braking_mps2(friction: float | None) -> float:
-    """Return what tyres allow, longitudinally and laterally, at a coefficient of friction; None means a dry road."""
+    """Return the acceleration in m/s² that tyres allow, in any direction, at a friction; None means a dry road."""
     return HARDEST_BRAKING_MPS2 if friction is None else min(HARDEST_BRAKING_MPS2, friction * GRAVITY_MPS2)
 
 
 def comfortable_mps2(friction: float | None) -> float:
-    """Return the comfortable acceleration on a road with some friction."""
+    """Return the comfortable acceleration in m/s² on a road with the given friction."""
     return COMFORTABLE_MPS2 if friction is None else min(COMFORTABLE_MPS2, friction * GRAVITY_MPS2 / 2)
 
 
@@ -162,7 +162,7 @@ _MOPED_W_PER_KG = 4_000 / 155
 
 
 def _steering_on_circle_rad(known: VehicleClass, outer_radius_m: float) -> float:
-    """Return the steering angle at which the outer front corner of a rigid body runs on a circle of a radius."""
+    """Return the steering angle at which a rigid body's outer front corner runs on a circle of the given radius."""
     front_m = known.length_m / 2 + known.rear_axle_m  # from the rear axle to the front bumper
     rear_axle_radius_m = math.sqrt(outer_radius_m**2 - front_m**2) - known.width_m / 2
     return math.atan(known.wheelbase_m / rear_axle_radius_m)
@@ -183,7 +183,10 @@ def _as_traffic(known: VehicleClass, limits: VehicleParameters) -> VehicleParame
 def _own_limits(
     known: VehicleClass, hardest_mps2: float, power_w_per_kg: float, steering_rad: float, steering_rate_radps: float
 ) -> VehicleParameters:
-    """Return a class with its own limits; power applies above the speed at which tyres cease to limit acceleration."""
+    """Return the size of a vehicle class combined with the given limits.
+
+    Above the switching speed, engine power limits the acceleration instead of the tyres.
+    """
     limits = VehicleParameters(
         maximum_acceleration_mps2=hardest_mps2,
         maximum_speed_mps=known.maximum_speed_mps,
@@ -304,7 +307,7 @@ def refused_by_planners(vehicle_class: str) -> str:
 
 
 def vehicle_of(settings: PlannerSettings, vehicle_class: str = "car") -> VehicleParameters:
-    """Return the vehicle of a run: what the configuration states, otherwise that of the ego's class.
+    """Return the vehicle of a run: the vehicle that the configuration states, otherwise the vehicle of the ego's class.
 
     Raises:
         NotPossible: the class is a vehicle with a trailer, which is two bodies, and the configuration states no other

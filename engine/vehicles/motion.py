@@ -1,6 +1,6 @@
 """Convert SUMO's front-bumper tracks to drivable motions of the vehicle's centre; check whether motions are drivable.
 
-SUMO moves vehicles along lane centre lines with kinks, and steps in acceleration: 39 % of raw tracks pass the
+SUMO moves vehicles along lane centre lines with kinks, and steps in acceleration: 39% of raw tracks pass the
 drivability checker's kinematic single-track model. The path is smoothed over arc length, the progress over time, and
 the heading follows as a tractrix: the rear axle is dragged behind the front bumper as a real one is.
 
@@ -39,7 +39,7 @@ _HEADING_TOLERANCE_RAD = 3e-2
 """The checker's default tolerances for a step."""
 _FRICTION_EXCESS = 1.1
 """Factor by which accelerations may exceed what a road of stated friction allows: smoothing raises the constant braking
-of SUMO's drivers by 7 % in ``tests/engine/edits/test_friction.py``.
+of SUMO's drivers by 7% in ``tests/engine/edits/test_friction.py``.
 """
 _STEERING_FROM_MPS = 0.05
 """Below this speed a turn gives no steering angle (chosen)."""
@@ -151,7 +151,7 @@ class Feasibility:
 
 
 def steering_angles(motion: Motion, step_s: float, wheelbase_m: float = _WHEELBASE_M) -> Values:
-    """Return the steering angle in rad that turns each state into the next, shape (n,); the last one is repeated."""
+    """Return the steering angle in rad that turns each state into the next, shape (n,); the last angle is repeated."""
     if len(motion.headings_rad) < 2:
         return np.zeros(len(motion.headings_rad))
     turn = wrap_angles(np.diff(motion.headings_rad))
@@ -183,7 +183,7 @@ def drivable_steps(
     rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
     friction: float | None = None,
 ) -> NDArray[np.bool_]:
-    """Return which steps from one state to the next can be driven by the closed form, shape (n − 1,).
+    """Return a mask of the steps between states that can be driven by the closed form, shape (n − 1,).
 
     ``friction``: the coefficient of friction of the road, which limits the acceleration; None if it is not stated.
     """
@@ -216,7 +216,7 @@ def drivable_steps(
 
 
 def _within_friction(motion: Motion, step_s: float, wheelbase_m: float, friction: float) -> NDArray[np.bool_]:
-    """Return which steps need no more friction than the road has, shape (n − 1,).
+    """Return a mask of the steps that need no more friction than the road has, shape (n − 1,).
 
     The tolerances for positions would hide 4 m/s² in a step of 0.1 s, so speeds and headings are used.
     """

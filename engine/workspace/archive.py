@@ -119,7 +119,7 @@ class _Record(Model):
 
     @property
     def place(self) -> str:
-        """The folder of its files in the archive."""
+        """The folder of the artifact's files in the archive."""
         return f"files/{self.kind}s/{self.artifact_id}"
 
 

@@ -35,7 +35,7 @@ ABANDONED_S = 3600.0
 """Age from which scratch folders may be removed, since an owner in another container is not visible (chosen)."""
 _MAKERS: dict[ArtifactKind, str] = {
     "scenario": "call find_scenarios, generate_scenarios or import_files",
-    "search": "call find_scenarios",
+    "search": "use a search id that find_scenarios returned",
     "config": "call configure_planner, or name PLANNER:PRESET such as frenetix:Default",
     "run": "call run_planner",
     "batch": "call run_planner with several scenarios or configurations",
@@ -55,7 +55,7 @@ _OWN_FOLDERS = frozenset(
 )
 STARTER_TOOL = "starter"
 """Replaces the tool in the recipes of scenarios from the package."""
-_BESIDES = f"kind = 'search' OR (kind = 'scenario' AND json_extract(recipe, '$.tool') = '{STARTER_TOOL}')"
+_LISTED_LAST = f"kind = 'search' OR (kind = 'scenario' AND json_extract(recipe, '$.tool') = '{STARTER_TOOL}')"
 """Incidental artifacts: every query of the catalogue stores a search."""
 _MOST_KEPT = 256
 """Artifacts with parsed JSON in memory, some 30 kB each (chosen: those that a session uses again)."""
@@ -199,11 +199,11 @@ class Workspace:
         """
         placed: list[Path] = []
 
-        def take_back() -> None:
+        def remove_placed() -> None:
             for folder in placed:
                 shutil.rmtree(folder, ignore_errors=True)
 
-        with self.database.writing(take_back) as connection:
+        with self.database.writing(remove_placed) as connection:
             for new in artifacts:
                 stored = self.find(new.kind, new.artifact_id)  # another server may have stored it meanwhile
                 if stored is not None and (new.imported or not stored.imported):
@@ -249,7 +249,7 @@ class Workspace:
         marked = {row[0] for row in self.database.connection().execute(query, (json.dumps(wanted),))}
         return [artifact_id for artifact_id in wanted if artifact_id in marked]
 
-    def take_out(self, kind: ArtifactKind, artifact_id: str, kept: Path) -> None:
+    def move_out(self, kind: ArtifactKind, artifact_id: str, kept: Path) -> None:
         """Move an artifact out of the workspace, with its files and its row as JSON, to a new folder.
 
         Raises:
@@ -297,19 +297,19 @@ class Workspace:
         offset: int = 0,
     ) -> list[Artifact]:
         """Return artifacts, newest first; ``text`` is searched in ids, names and recipes."""
-        wanted, values = self._wanted(kind, parent, text)
+        wanted, values = self._condition(kind, parent, text)
         query = f"SELECT {_COLUMNS} FROM artifacts WHERE {wanted} ORDER BY sequence DESC LIMIT ? OFFSET ?"  # noqa: S608 - fixed words only
         rows = self.database.connection().execute(query, (*values, limit, offset)).fetchall()
         return [self._parsed(*row) for row in rows]
 
     def count(self, *, kind: ArtifactKind | None = None, parent: str | None = None, text: str | None = None) -> int:
         """Return the number of artifacts that ``newest`` would list without a limit."""
-        wanted, values = self._wanted(kind, parent, text)
+        wanted, values = self._condition(kind, parent, text)
         query = f"SELECT count(*) FROM artifacts WHERE {wanted}"  # noqa: S608 - fixed words only
         return int(self.database.connection().execute(query, values).fetchone()[0])
 
     @staticmethod
-    def _wanted(kind: ArtifactKind | None, parent: str | None, text: str | None) -> tuple[str, list[str]]:
+    def _condition(kind: ArtifactKind | None, parent: str | None, text: str | None) -> tuple[str, list[str]]:
         """Return the SQL condition on artifacts, with its parameters."""
         conditions = ["1"]
         values: list[str] = []
@@ -325,9 +325,9 @@ class Workspace:
         return " AND ".join(conditions), values
 
     def newest_made(self, limit: int) -> list[Artifact]:
-        """Return the newest artifacts: created and imported ones first, then searches and starter scenarios."""
+        """Return the newest artifacts: created and imported artifacts first, then searches and starter scenarios."""
         rows: list[sqlite3.Row] = []
-        for is_wanted in (f"NOT ({_BESIDES})", _BESIDES):
+        for is_wanted in (f"NOT ({_LISTED_LAST})", _LISTED_LAST):
             query = f"SELECT {_COLUMNS} FROM artifacts WHERE {is_wanted} ORDER BY sequence DESC LIMIT ?"  # noqa: S608 - fixed words only
             rows += self.database.connection().execute(query, (limit - len(rows),)).fetchall()
         return [self._parsed(*row) for row in rows]
@@ -337,16 +337,16 @@ class Workspace:
         row = self.database.connection().execute("SELECT max(sequence) FROM artifacts").fetchone()
         return int(row[0] or 0)
 
-    def kind_of(self, artifact_id: str) -> ArtifactKind:
-        """Return the kind of an artifact.
+    def kind_of(self, artifact_id: str, *expected: ArtifactKind) -> ArtifactKind:
+        """Return the kind of an artifact; ``expected``: the kinds that the caller can use, if not all.
 
         Raises:
-            UnknownName: No artifact has this id.
+            UnknownName: No artifact has this id; the error lists the nearest ids of the expected kinds.
         """
         query = "SELECT kind FROM artifacts WHERE artifact_id = ? ORDER BY sequence DESC LIMIT 1"
         row = self.database.connection().execute(query, (artifact_id,)).fetchone()
         if row is None:
-            known = [str(entry[0]) for entry in self._ids(None)]
+            known = [str(entry[0]) for kind in expected or (None,) for entry in self._ids(kind)]
             raise UnknownName(f"there is nothing called '{artifact_id}'", valid=closest(artifact_id, known))
         kind: ArtifactKind = row[0]
         return kind
@@ -488,7 +488,7 @@ def _size_of(artifact: NewArtifact) -> int:
 
 
 def stage(artifact: NewArtifact, copies: Path) -> NewArtifact:
-    """Copy the files of an artifact into a new folder on the workspace's disk.
+    """Copy the files of an artifact into a new folder on the workspace's disk; return the artifact with this folder.
 
     It does not use the database, so any thread may call it.
 

@@ -259,7 +259,7 @@ def _prepared(path: Path) -> sqlite3.Connection:
 
 
 def _keep_copy(connection: sqlite3.Connection, path: Path, version: int) -> None:
-    """Keep a copy of an older version's database next to the upgraded one.
+    """Keep a copy of an older version's database next to the upgraded database.
 
     The upgrade only adds tables, so a user can go back to the older version with the copy.
     """

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...schemas.errors import InvalidRequest, NotPossible, with_values
+from ...schemas.text import counted
 from .artifacts import Artifact, Workspace, disk_failure
 
 _STORED = {
@@ -77,16 +78,16 @@ def plan_exports(
     )
 
 
-def refuse_taken(paths: Sequence[Path]) -> None:
+def refuse_existing(paths: Sequence[Path]) -> None:
     """Raise if a file exists, before anything is written.
 
     Raises:
-        NotPossible: A file exists; the error lists the first ones.
+        NotPossible: A file exists; the error lists the first files.
     """
     taken = [str(path) for path in paths if path.exists()]
     if taken:
         raise NotPossible(
-            f"{len(taken)} files already exist: {', '.join(taken[:3])}",
+            f"{counted(len(taken), 'file')} already there: {', '.join(taken[:3])}",
             next_step="set overwrite, or choose another folder",
         )
 
@@ -122,7 +123,9 @@ def write_whole(path: Path, fill: Callable[[Path], object]) -> None:
             partial.unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise disk_failure(path, error, "free disk space, or choose another folder") from error
+        is_file = isinstance(error, FileExistsError | NotADirectoryError)
+        step = "choose a folder instead of a file" if is_file else "free disk space, or choose another folder"
+        raise disk_failure(path, error, step) from error
 
 
 def _fill(partial: Path, workspace: Workspace, export: Export, made: Path | None) -> None:

@@ -24,7 +24,7 @@ class Recipe(Model):
 
     @property
     def digest(self) -> str:
-        """Twelve hexadecimal characters that identify this recipe."""
+        """The twelve hexadecimal characters that identify this recipe."""
         content = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
         return hashlib.sha256(content.encode()).hexdigest()[:12]
 
@@ -36,7 +36,7 @@ def content_digest(path: Path) -> str:
 
 
 def versions_of(*packages: str) -> dict[str, str]:
-    """Return the installed versions of packages, and our own, for a recipe."""
+    """Return the installed versions of packages, and our own, by name, for a recipe."""
     from importlib.metadata import version
 
     return {package: version(package) for package in sorted({"plannerforge-mcp", *packages})}

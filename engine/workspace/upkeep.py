@@ -25,7 +25,7 @@ _CACHES = ("recordings", "pictures", "views", "index", "answers", "scratch")
 _MB = 1024**2
 _SHOWN_RUNS = 3
 _LOOK_S, _LOOKS_SHARE = 60.0, 50
-"""Age up to which a measured size is reused, in seconds and relative to its duration (chosen: measuring takes 2 % of
+"""Age up to which a measured size is reused, in seconds and relative to its duration (chosen: measuring takes 2% of
 the time).
 """
 MAIN_FILES = {"scenario": "scenario.xml", "run": "steps.json", "config": "config.yaml"}
@@ -123,7 +123,7 @@ def repair(workspace: Workspace) -> list[tuple[Disagreement, Path]]:
     """Remove every artifact with an unreadable or inconsistent record; everything else stays.
 
     Returns:
-        The problem of each, and the folder below ``taken_out`` with its row and its files.
+        For each removed artifact: its problem, and the folder below ``taken_out`` with its row and files.
 
     Raises:
         ResourceFailure: The database is damaged, or something cannot be moved.
@@ -140,7 +140,7 @@ def repair(workspace: Workspace) -> list[tuple[Disagreement, Path]]:
             kind, artifact_id = each.broken
             name = f"{kind}_{hashlib.sha256(artifact_id.encode()).hexdigest()[:12]}_{time.time_ns()}"
             kept = workspace.root / "taken_out" / name
-            workspace.take_out(cast("ArtifactKind", kind), artifact_id, kept)
+            workspace.move_out(cast("ArtifactKind", kind), artifact_id, kept)
             done.append((each, kept))
     return done
 
@@ -182,7 +182,7 @@ class Quota:
         self._taken_bytes, self._look_again_at = 0, 0.0
 
     def admit(self, size_bytes: int) -> None:
-        """Admit something of this size.
+        """Make sure that there is room for something of this size, and remove caches if necessary.
 
         Raises:
             ResourceFailure: There is no space, and no cache that may be removed.

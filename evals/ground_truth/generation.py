@@ -1,4 +1,4 @@
-"""The requests of ``make bench-generation``: those of a corpus with a map, seeded ones, and ones to be refused.
+"""The requests of ``make bench-generation``: requests of a corpus with a map, seeded requests, and requests to refuse.
 
 A refusal is correct if the error has the class that belongs to the reason, and states the problem and its subject.
 """
@@ -52,7 +52,7 @@ class BenchRequest:
 
 
 def corpus_requests(lines: Sequence[str], maps: frozenset[str]) -> list[BenchRequest]:
-    """Return the requests of a corpus that the available maps can fulfil, with the ground truth as arguments."""
+    """Return the requests of a corpus that the available maps can fulfil, with arguments from the ground truth."""
     entries = [json.loads(line) for line in lines]
     return [
         BenchRequest(

@@ -1,6 +1,6 @@
 """The requests of the modification bench: ground truth of the corpus as edits, drawn edits, and requests to be refused.
 
-For a request to be refused, the corpus gives a reason code and the text; the edits here express the text as arguments.
+For a request to be refused, the corpus gives a reason code and the text; here, the text becomes typed edits.
 The code and the failing edit determine what a refusal must state.
 """
 
@@ -33,7 +33,7 @@ Presets = Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True)
-class Asked:
+class EditRequest:
     """One request: its task (T, B, P, G, composite or refuse), the edits, and the ground truth of each edit.
 
     ``must_name``: texts that must all appear in the reason of a refusal.
@@ -69,7 +69,7 @@ def edit_of(truth: dict[str, Any]) -> Edit:
     return Edit.model_validate(made)
 
 
-def drawn_requests(scene: Scene, seed: str, presets: Presets) -> Iterator[tuple[str, list[Asked]]]:
+def drawn_requests(scene: Scene, seed: str, presets: Presets) -> Iterator[tuple[str, list[EditRequest]]]:
     """Yield for each task the requests to try in turn until the scenario allows one; drawn by a seed.
 
     If there are no requests, the scenario allows none of the task: no vehicle moves in it, or no goal is within reach.
@@ -92,33 +92,35 @@ def _moves(scene: Scene, key: int) -> bool:
     return on[0] and float(np.mean(on)) >= ON_LANELETS
 
 
-def _request(task: str, **truth: Any) -> Asked:
-    return Asked(task, (edit_of(truth),), (truth,))
+def _request(task: str, **truth: Any) -> EditRequest:
+    return EditRequest(task, (edit_of(truth),), (truth,))
 
 
-def _preset(key: int, presets: Presets, preset: str) -> Asked:
+def _preset(key: int, presets: Presets, preset: str) -> EditRequest:
     one = {"by": "ids", "ids": [key]}
     expected = dict(presets[preset])
     return _request("B", op="set_behaviour", selector=one, vehicle_ids=[key], preset=preset, expected_params=expected)
 
 
-def _reroutes(scene: Scene, key: int, draw: np.random.Generator) -> list[Asked]:
+def _reroutes(scene: Scene, key: int, draw: np.random.Generator) -> list[EditRequest]:
     """Return reroutes to nearby lanelets on its route's continuations that it does not drive over, in random order."""
     track = scene.tracks[key]
     begin = lanelets_at_first(scene.network, track)
-    ways = distances_m(scene.network, track.positions[0], float(track.headings_rad[0]), among=begin)
+    distances = distances_m(scene.network, track.positions[0], float(track.headings_rad[0]), among=begin)
     over = {int(one) for under in scene.network.find_lanelet_by_position(list(track.positions)) for one in under}
-    ahead = sorted((way_m, int(lanelet)) for lanelet, way_m in ways.items() if lanelet in scene.layout.table.lanes)
+    ahead = sorted(
+        (distance_m, int(lanelet)) for lanelet, distance_m in distances.items() if lanelet in scene.layout.table.lanes
+    )
     near = [lanelet for _, lanelet in ahead[:MOST_TRIES] if lanelet not in over]
     draw.shuffle(near)
     return [_request("T", op="reroute", vehicle_id=key, target_lanelets=[lanelet]) for lanelet in near]
 
 
-def _removal(key: int) -> Asked:
+def _removal(key: int) -> EditRequest:
     return _request("P", op="remove_vehicle", selector={"by": "ids", "ids": [key]}, vehicle_ids=[key])
 
 
-def _additions(scene: Scene, draw: np.random.Generator) -> list[Asked]:
+def _additions(scene: Scene, draw: np.random.Generator) -> list[EditRequest]:
     """Return additions along the ego's lane and in the middle of drawn lanelets, at once or later."""
     found: list[dict[str, Any]] = []
     if scene.ego is not None and scene.ego.lanelets:
@@ -138,25 +140,25 @@ def _additions(scene: Scene, draw: np.random.Generator) -> list[Asked]:
     return [_request("P", op="add_vehicle", **truth) for truth in found]
 
 
-def _goals(scene: Scene, draw: np.random.Generator) -> list[Asked]:
+def _goals(scene: Scene, draw: np.random.Generator) -> list[EditRequest]:
     """Return goals that a car can reach in the time of the problem, according to the lanelets of the file."""
     if scene.ego is None:
         return []
     problem, ego = scene.loaded.problem(scene.ego.problem_id), scene.ego
-    ways = distances_m(scene.network, ego.position, ego.heading_rad, ego.speed_mps)
+    distances = distances_m(scene.network, ego.position, ego.heading_rad, ego.speed_mps)
     found = [
         (key, word)
-        for key, way_m in sorted(ways.items(), key=lambda pair: (pair[1], pair[0]))
+        for key, distance_m in sorted(distances.items(), key=lambda pair: (pair[1], pair[0]))
         if key in scene.layout.table.lanes
         for word, share in SHARES.items()
-        if is_in_reach(problem, scene.step_s, _station_m(scene, key, way_m, share), scene.last_step)
+        if is_in_reach(problem, scene.step_s, _station_m(scene, key, distance_m, share), scene.last_step)
     ][:MOST_GOALS]
     draw.shuffle(found)
     return [_request("G", op="set_goal", lanelet=int(key), position=str(word)) for key, word in found[:1]]
 
 
-def _station_m(scene: Scene, key: int, way_m: float, share: float) -> float:
-    return way_m + share * length_m(scene.network.find_lanelet_by_id(key).center_vertices)
+def _station_m(scene: Scene, key: int, distance_m: float, share: float) -> float:
+    return distance_m + share * length_m(scene.network.find_lanelet_by_id(key).center_vertices)
 
 
 def _selected(truth: dict[str, Any]) -> list[str]:
@@ -278,27 +280,28 @@ CORPUS: Final[Mapping[str, tuple[tuple[EditWords, ...], tuple[str, ...]]]] = {
 """Lines with a ground truth without an executable edit: the edits of their texts, and what a refusal must state."""
 
 
-def corpus_refusal(row: Mapping[str, Any]) -> Asked | None:
-    """Return a line to be refused, as arguments, or None if no executable edit must be refused.
+def corpus_refusal(row: Mapping[str, Any]) -> EditRequest | None:
+    """Return the edits of a corpus line that must be refused, or None if none of them must be.
 
-    The latter applies if continuing with a stated assumption is also correct, as for "two thirds along the lanelet".
+    A refusal is optional if it is also correct to continue with a stated assumption, as for "two thirds along the
+    lanelet".
     """
     truth = row["truth"]
     if row["id"] in CORPUS:
         edits, words = CORPUS[row["id"]]
-        return Asked("refuse", tuple(Edit.model_validate(edit) for edit in edits), must_name=words)
+        return EditRequest("refuse", tuple(Edit.model_validate(edit) for edit in edits), must_name=words)
     requested = truth.get("requested", ())
     if not requested or any("infeasible" in one for one in requested) or "ok" in truth.get("also_accept", ()):
         return None
     failing = requested[truth.get("failing_edit", 0)]
-    return Asked("refuse", tuple(edit_of(one) for one in requested), must_name=_words(truth["reason"], failing))
+    return EditRequest("refuse", tuple(edit_of(one) for one in requested), must_name=_words(truth["reason"], failing))
 
 
-def drawn_refusals(scene: Scene) -> list[Asked]:
+def drawn_refusals(scene: Scene) -> list[EditRequest]:
     """Return requests that no scenario allows, each with what the reason must state."""
     unknown = str(max([*scene.tracks, *scene.layout.table.lanes, 0]) + 7_654_321)
     goal = unknown if scene.ego is not None and scene.ego.lanelets else "no ego"
-    asked: list[tuple[EditWords, tuple[str, ...]]] = [
+    requests: list[tuple[EditWords, tuple[str, ...]]] = [
         ({"op": "remove_vehicle", "vehicles": [unknown]}, (f"no vehicle {unknown}",)),
         ({"op": "set_behaviour", "vehicles": ["ego"], "preset": "eco"}, ("is the ego",)),
         ({"op": "set_goal", "to": [unknown]}, (goal,)),
@@ -308,18 +311,18 @@ def drawn_refusals(scene: Scene) -> list[Asked]:
     vehicle = _vehicle(scene)
     if vehicle is not None:
         named = [str(vehicle)]
-        asked += [
+        requests += [
             ({"op": "reroute", "vehicles": named, "to": [unknown]}, (f"{unknown} is not a lanelet",)),
             ({"op": "set_behaviour", "vehicles": named, "preset": "furious"}, ("'furious'",)),
             ({"op": "set_behaviour", "vehicles": named, "params": ["hornLevel=2"]}, ("'hornLevel'",)),
             ({"op": "set_behaviour", "vehicles": named, "params": ["sigma=1.5"]}, ("sigma=1.5 is out of range",)),
             *_unreachable(scene, vehicle),
         ]
-    return [Asked("refuse", (Edit.model_validate(edit),), must_name=words) for edit, words in asked]
+    return [EditRequest("refuse", (Edit.model_validate(edit),), must_name=words) for edit, words in requests]
 
 
 def _words(reason: str, failing: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return what a refusal for a reason must state about the failing edit."""
+    """Return the texts that a refusal for a reason must contain about the failing edit."""
     if reason == "infeasible_time":
         return ("out of reach", "goal_time")
     if reason == "unreachable_target" and failing["op"] == "set_goal":
@@ -348,7 +351,7 @@ def _lanelet_of(edit: Mapping[str, Any]) -> object:
 
 
 def _vehicle(scene: Scene) -> int | None:
-    """Return a vehicle that can be edited; one with the planning problem's id would count as the ego."""
+    """Return a vehicle that can be edited; a vehicle with the planning problem's id would count as the ego."""
     return next((key for key in scene.tracks if key != _ego_id(scene) and not not_drivable(scene, key)), None)
 
 

@@ -1,6 +1,6 @@
-"""What a scenario allows, from the lanelets of its file alone: which goals a car can reach, and where "25 m ahead" is.
+"""What a scenario allows: which goals a car can reach, and where "25 m ahead" is, according to the file's lanelets.
 
-None of this uses the editing code, so that it can judge it.
+This module does not use the editing code, so that it can judge that code's results.
 """
 
 import heapq
@@ -62,7 +62,9 @@ def distances_m(
 
     def onward(away_m: float, lanelet: "Lanelet") -> list[tuple[float, int]]:
         end_m = away_m + length_m(lanelet.center_vertices)
-        return takes([*((end_m, key) for key in lanelet.successor), *((away_m, key) for key in beside(lanelet))])
+        return takes(
+            [*((end_m, key) for key in lanelet.successor), *((away_m, key) for key in adjacent_lanelets(lanelet))]
+        )
 
     begin = []
     for key in network.find_lanelet_by_position([position])[0]:
@@ -85,7 +87,7 @@ def _cheapest(
     begin: Iterable[tuple[float, int]],
     onward: Callable[[float, "Lanelet"], Iterable[tuple[float, int]]],
 ) -> dict[int, float]:
-    """Return the lowest costs of all lanelets reachable from some with their costs (Dijkstra 1959)."""
+    """Return the lowest costs of all lanelets that can be reached from the starts with their costs (Dijkstra 1959)."""
     best: dict[int, float] = {}
     queue = sorted(begin)
     while queue:
@@ -98,7 +100,7 @@ def _cheapest(
 
 
 def all_after(begin: Iterable[int], following: Callable[[int], Iterable[int]]) -> frozenset[int]:
-    """Return some lanelets, all their successors, and so on."""
+    """Return the given lanelets, their successors, the successors of these, and so on."""
     known, queue = set(begin), list(begin)
     while queue:
         more = {int(key) for key in following(queue.pop())} - known
@@ -108,12 +110,12 @@ def all_after(begin: Iterable[int], following: Callable[[int], Iterable[int]]) -
 
 
 def ways_to_m(network: "LaneletNetwork", targets: frozenset[int]) -> dict[int, float]:
-    """Return the shortest distance in m from the start of every lanelet to that of any target, if there is a route."""
+    """Return, by lanelet, the shortest distance in m from its start to that of any target, if there is a route."""
     return _costs_to(network, targets, lambda lanelet: length_m(lanelet.center_vertices), change_cost=0.0)
 
 
 def changes_to(network: "LaneletNetwork", targets: frozenset[int]) -> dict[int, float]:
-    """Return the fewest lane changes on any route from every lanelet to any target, if there is a route."""
+    """Return, by lanelet, the fewest lane changes on any route to any target, if there is a route."""
     return _costs_to(network, targets, lambda _: 0.0, change_cost=1.0)
 
 
@@ -123,8 +125,11 @@ def _costs_to(
     before: dict[int, list[tuple[float, int]]] = {}
     for lanelet in network.lanelets:
         cost = onward_cost(lanelet)
-        ways = [*((cost, key) for key in lanelet.successor), *((change_cost, key) for key in beside(lanelet))]
-        for more, after in ways:
+        steps = [
+            *((cost, key) for key in lanelet.successor),
+            *((change_cost, key) for key in adjacent_lanelets(lanelet)),
+        ]
+        for more, after in steps:
             before.setdefault(int(after), []).append((more, int(lanelet.lanelet_id)))
 
     def backward(cost: float, lanelet: "Lanelet") -> list[tuple[float, int]]:
@@ -133,8 +138,8 @@ def _costs_to(
     return _cheapest(network, ((0.0, key) for key in targets), backward)
 
 
-def is_in_reach(problem: "PlanningProblem", step_s: float, way_m: float, last_step: int) -> bool:
-    """Return whether a car can cover ``way_m`` before the goal's time ends, at a speed that the goal allows.
+def is_in_reach(problem: "PlanningProblem", step_s: float, distance_m: float, last_step: int) -> bool:
+    """Return whether a car can cover ``distance_m`` before the goal's time ends, at a speed that the goal allows.
 
     If the goal has no time, it ends at the scenario's last step. A car that can also stop on its route, and regain the
     goal's minimum speed, can wait for the time to begin.
@@ -148,8 +153,8 @@ def is_in_reach(problem: "PlanningProblem", step_s: float, way_m: float, last_st
     if not (least_mps <= speed + gained_mps and speed - gained_mps <= most_mps):
         return False
     farthest = _farthest_m(speed, min(most_mps, speed + gained_mps, LARGEST_SPEED_MPS), seconds)
-    can_wait = speed**2 + least_mps**2 <= 2 * LARGEST_ACCELERATION_MPS2 * SHARE_IN_REACH * way_m
-    return LEAST_AHEAD_M <= way_m <= SHARE_IN_REACH * farthest and can_wait
+    can_wait = speed**2 + least_mps**2 <= 2 * LARGEST_ACCELERATION_MPS2 * SHARE_IN_REACH * distance_m
+    return LEAST_AHEAD_M <= distance_m <= SHARE_IN_REACH * farthest and can_wait
 
 
 def places_on(network: "LaneletNetwork", lanelet_id: int, share: float, vehicle_length_m: float) -> list[Points]:
@@ -170,7 +175,7 @@ def places_along(network: "LaneletNetwork", position: Points, offset_m: float) -
 
 
 def nearest_m(point: Points, places: Iterable[Points]) -> float:
-    """Return the distance in m to the nearest of some places; infinite if there are none."""
+    """Return the distance in m to the nearest of the places; infinite if there are none."""
     return min((float(np.linalg.norm(point - place)) for place in places), default=math.inf)
 
 
@@ -202,21 +207,23 @@ def _at_station(network: "LaneletNetwork", key: int, station_m: float, seen: set
     return places
 
 
-def _takes_curves(lanelet: "Lanelet", way_m: float, speed_mps: float, braking_mps2: float, lateral_mps2: float) -> bool:
+def _takes_curves(
+    lanelet: "Lanelet", distance_m: float, speed_mps: float, braking_mps2: float, lateral_mps2: float
+) -> bool:
     """Return whether a car that brakes from a speed to a lanelet's start is slow enough for all of its curves."""
-    slowest = math.sqrt(max(speed_mps**2 - 2 * braking_mps2 * max(way_m, 0.0), 0.0))
+    slowest = math.sqrt(max(speed_mps**2 - 2 * braking_mps2 * max(distance_m, 0.0), 0.0))
     if slowest == 0.0:
         return True
     steps = np.diff(lanelet.center_vertices, axis=0)
     lengths, along = np.linalg.norm(steps, axis=1), np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     middles = np.cumsum(lengths) - lengths / 2
     within = np.abs(middles[:, None] - middles[None, :]) <= CURVE_M
-    within &= middles[:, None] >= -way_m - CURVE_M
+    within &= middles[:, None] >= -distance_m - CURVE_M
     sharpest = float((np.abs(along[:, None] - along[None, :]) * within).max()) / CURVE_M
     return slowest**2 * sharpest <= lateral_mps2
 
 
-def beside(lanelet: "Lanelet") -> list[Any]:
+def adjacent_lanelets(lanelet: "Lanelet") -> list[Any]:
     """Return the adjacent lanelets of the same direction."""
     left = lanelet.adj_left if lanelet.adj_left_same_direction else None
     right = lanelet.adj_right if lanelet.adj_right_same_direction else None

@@ -50,7 +50,7 @@ def refused_arguments(request: Request) -> dict[str, Any]:
 
 
 def arguments_of(truth: dict[str, Any]) -> FindScenariosArguments:
-    """Return the ground-truth slots as arguments of find_scenarios."""
+    """Return arguments of find_scenarios with the ground-truth slots."""
     location = truth.get("location") or {}
     return FindScenariosArguments(
         country=location.get("country"),
@@ -77,7 +77,7 @@ def _road_net(key: str, value: dict[str, Any]) -> str:
 
 
 def _compared(operation: str, count: Any, unit: str = "") -> str:
-    """Return an operation with its count or value, as written."""
+    """Return a condition on a count or a value as text, such as ``>=3`` or ``=10..20``, plus its unit."""
     if operation == "range":
         return f"={count[0]}..{count[1]}{unit}"
     if operation == "zero":
@@ -86,7 +86,7 @@ def _compared(operation: str, count: Any, unit: str = "") -> str:
 
 
 def _speed(slot: dict[str, Any]) -> str:
-    """Return a velocity slot as written."""
+    """Return a velocity slot in the notation of a call, such as ``>=10m/s``."""
     if slot["op"] == "range":
         return f"{slot['value'][0]}..{slot['value'][1]}{slot['unit']}"
     return {"about": "", "at_least": ">=", "at_most": "<="}[slot["op"]] + f"{slot['value']}{slot['unit']}"
@@ -98,8 +98,11 @@ def spoiled(arguments: FindScenariosArguments, seed: str) -> FindScenariosArgume
     unasked = sorted(set(TAGS) - set(arguments.tags))
     changes: dict[str, object] = {"tags": [*arguments.tags, *chance.sample(unasked, chance.randint(1, 2))]}
     if chance.random() < _WRONG_KEY_SHARE:
-        asked = " ".join(arguments.road_net)
-        changes["road_net"] = [*arguments.road_net, chance.choice([key for key in sorted(SIGNS) if key not in asked])]
+        requested = " ".join(arguments.road_net)
+        changes["road_net"] = [
+            *arguments.road_net,
+            chance.choice([key for key in sorted(SIGNS) if key not in requested]),
+        ]
     if chance.random() < _COPIED_SPEED_SHARE:
         changes["ego_speed"] = chance.choice(_EXAMPLE_SPEEDS)
     return arguments.model_copy(update=changes)

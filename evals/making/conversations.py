@@ -1,4 +1,4 @@
-"""Conversations of several turns; each turn builds on the results of the previous ones."""
+"""Conversations of several turns; each turn builds on the results of the previous turns."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -60,7 +60,7 @@ def _edit_at_run_time(draw: Draw) -> Turn:
 
 
 def _tested(before: int, scenario: str, draw: Draw) -> list[Turn]:
-    """Return a run, a change of the configuration, the same run with the change, and a comparison or an analysis."""
+    """Return turns that request a run, a configuration change, the run again, and a comparison or an analysis."""
     names = sorted(tuning_of("frenetix").presets)
     weights = dict(tuning_of("frenetix").presets["Default"].weights)
     run = {

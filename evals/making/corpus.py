@@ -17,16 +17,16 @@ from .selection import selection_lines
 from .tuning import tuning_lines
 
 _PREFIXES = {"generation": "gen", "selection": "sel", "routing": "rt", "tuning": "tn", "e2e": "e2e"}
-Told = Callable[[str], None]
+Announce = Callable[[str], None]
 
 
 def make_corpora(
-    materials: Materials, tasks: Sequence[Task], count: int, seed: int, told: Told | None = None
+    materials: Materials, tasks: Sequence[Task], count: int, seed: int, announce: Announce | None = None
 ) -> Mapping[str, list[CorpusLine]]:
-    """Make at most ``count`` requests per corpus of some tasks; the same materials and seed give the same requests.
+    """Make at most ``count`` requests per corpus of the tasks; the same materials and seed give the same requests.
 
     Args:
-        told: is called with every corpus before it is made.
+        announce: is called with every corpus before it is made.
 
     Raises:
         InvalidRequest: a task needs scenarios or maps, but there are none.
@@ -47,8 +47,8 @@ def make_corpora(
     made = {}
     for name, (task, maker) in makers.items():
         if task in tasks:
-            if told is not None:
-                told(name)
+            if announce is not None:
+                announce(name)
             made[name] = list(maker(random.Random(f"{seed}:{name}")))  # noqa: S311 - reproducible, no secret
     return made
 

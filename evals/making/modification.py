@@ -1,4 +1,4 @@
-"""Requests that edit scenarios; each feasible one was carried out once when it was made."""
+"""Requests that edit scenarios; each feasible request was carried out once when it was made."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -12,7 +12,7 @@ from ...engine.execution import silent
 from ...engine.scene import Scene
 from ...schemas.errors import PlannerForgeError
 from ...schemas.modification import Edit, ModificationRequest
-from ..ground_truth.modification import Asked, drawn_refusals, drawn_requests, edit_of
+from ..ground_truth.modification import EditRequest, drawn_refusals, drawn_requests, edit_of
 from .materials import STYLES, CorpusLine, Draw, KnownScenario, Materials, rounds, styled
 
 LETTERS = ("T", "B", "P", "G", "composite")
@@ -34,14 +34,14 @@ class PossibleEdits:
     def __init__(self, seed: int) -> None:
         self._seed = seed
         self._found: dict[str, Mapping[str, tuple[Truth, ...]]] = {}
-        self._refused: dict[str, list[tuple[str, Asked]]] = {}
+        self._refused: dict[str, list[tuple[str, EditRequest]]] = {}
 
     def of(self, one: KnownScenario) -> Mapping[str, tuple[Truth, ...]]:
         """Return the typed edits by letter; letters without a possible edit in the scenario are left out."""
         self._look_at(one)
         return self._found[one.name]
 
-    def refusals(self, one: KnownScenario) -> Sequence[tuple[str, Asked]]:
+    def refusals(self, one: KnownScenario) -> Sequence[tuple[str, EditRequest]]:
         """Return requests that the scenario refuses, each with the reason's code."""
         self._look_at(one)
         return self._refused[one.name]
@@ -51,15 +51,15 @@ class PossibleEdits:
             return
         scene = Scene.of(read_scenario(one.path))
         found: dict[str, tuple[Truth, ...]] = {}
-        for letter, asked in drawn_requests(scene, f"{self._seed}:{one.name}", presets()):
-            first = next((request for request in asked if _is_possible(one.path, request.edits)), None)
+        for letter, requests in drawn_requests(scene, f"{self._seed}:{one.name}", presets()):
+            first = next((request for request in requests if _is_possible(one.path, request.edits)), None)
             if first is not None:
                 found[letter] = tuple(_whole(truth) for truth in first.truths)
         together = _together(found, len(self._found))
         if together and _is_possible(one.path, [edit_of(dict(truth)) for truth in together]):
             found["composite"] = together
         self._found[one.name] = found
-        self._refused[one.name] = [(_code(asked), asked) for asked in drawn_refusals(scene) if _code(asked)]
+        self._refused[one.name] = [(_code(requests), requests) for requests in drawn_refusals(scene) if _code(requests)]
 
 
 _PAIRS = (("T", "B"), ("P", "G"), ("T", "P"), ("B", "P"), ("B", "G"), ("T", "G"))
@@ -100,9 +100,9 @@ def _is_possible(path: Path, edits: Sequence[Edit]) -> bool:
     return True
 
 
-def _code(asked: Asked) -> str:
+def _code(request: EditRequest) -> str:
     """Return the code of the refusal of a drawn request; empty if corpora have no code for it."""
-    edit, words = asked.edits[0], " ".join(asked.must_name)
+    edit, words = request.edits[0], " ".join(request.must_name)
     codes = {
         "no vehicle": "unknown_vehicle",
         "is the ego": "ego_is_not_traffic",
@@ -131,9 +131,11 @@ def modification_lines(
         truths = possible.of(one)[letter]
         parts = [words_of(truth) for truth in truths]
         text = " and ".join(parts)
-        said = styled(f"{text[0].upper()}{text[1:]}.", text, style, draw)
+        phrased = styled(f"{text[0].upper()}{text[1:]}.", text, style, draw)
         category = "+".join(truth["op"] for truth in truths)
-        yield CorpusLine(name, said, {"edits": list(truths)}, "ok", category, style, one.name, {"scenario": one.name})
+        yield CorpusLine(
+            name, phrased, {"edits": list(truths)}, "ok", category, style, one.name, {"scenario": one.name}
+        )
         if made % 4 == 3 and refused < count // 5:
             line = _refusal(letter, one, possible, refused)
             refused += line is not None
@@ -162,8 +164,8 @@ def _refusal(letter: str, one: KnownScenario, possible: PossibleEdits, number: i
     fitting = [pair for pair in possible.refusals(one) if _OPERATIONS[letter] in pair[1].edits[0].op]
     if not fitting:
         return None
-    code, asked = fitting[number % len(fitting)]
-    requested = _requested(asked.edits[0])
+    code, requests = fitting[number % len(fitting)]
+    requested = _requested(requests.edits[0])
     words = words_of(requested)
     before = possible.of(one).get("B", ()) if letter == "composite" else ()
     parts = [*(words_of(truth) for truth in before), words]

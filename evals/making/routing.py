@@ -6,7 +6,7 @@ from typing import Any
 
 from .materials import STYLES, CorpusLine, Draw, rounds, styled
 
-_ASKED: Mapping[str, tuple[str, ...]] = {
+_QUESTIONS: Mapping[str, tuple[str, ...]] = {
     "qa": (
         "What is a CommonRoad scenario?",
         "What does a time to collision of 2 seconds mean?",
@@ -68,19 +68,19 @@ _CHAINS = (("param_mod", "batch_sim"), ("batch_sim", "batch_analysis"), ("vehicl
 def routing_lines(count: int, draw: Draw) -> Iterator[CorpusLine]:
     """Yield single classes in turn, edits of one letter and of several, and two classes in sequence."""
     styles = rounds(STYLES, draw)
-    kinds = rounds([*_ASKED, "vehicle_mod", "vehicle_mod", "vehicle_mod_composite", "multi_step"], draw)
-    drawn = {kind: rounds(texts, draw) for kind, texts in _ASKED.items()}
+    kinds = rounds([*_QUESTIONS, "vehicle_mod", "vehicle_mod", "vehicle_mod_composite", "multi_step"], draw)
+    drawn = {kind: rounds(texts, draw) for kind, texts in _QUESTIONS.items()}
     for _ in range(count):
         kind, style = next(kinds), next(styles)
-        if kind in _ASKED:
+        if kind in _QUESTIONS:
             text, truth = next(drawn[kind]), {"actions": [kind]}
         elif kind == "multi_step":
             text, truth = _chain(draw)
         else:
             text, truth = _edit(draw, several=kind == "vehicle_mod_composite")
-        said = styled(text, text.rstrip(".?"), style, draw)
+        phrased = styled(text, text.rstrip(".?"), style, draw)
         expect: Any = "refuse" if kind == "fail" else "ok"
-        yield CorpusLine("routing", said, truth, expect, kind, style, said)
+        yield CorpusLine("routing", phrased, truth, expect, kind, style, phrased)
 
 
 def _edit(draw: Draw, *, several: bool) -> tuple[str, dict[str, Any]]:
@@ -99,6 +99,6 @@ def _chain(draw: Draw) -> tuple[str, dict[str, Any]]:
             part, edit = _edit(draw, several=False)
             truth |= {"vehicle_mod": edit["vehicle_mod"]}
         else:
-            part = draw.choice(_ASKED[action])
+            part = draw.choice(_QUESTIONS[action])
         parts.append(part.rstrip(".?"))
     return f"{parts[0]}, then {parts[1][0].lower()}{parts[1][1:]}.", truth

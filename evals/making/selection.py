@@ -47,7 +47,7 @@ def plain_search(materials: Materials, draw: Draw) -> tuple[str, dict[str, Any]]
 
 
 def _found(materials: Materials, draw: Draw) -> Iterator[CorpusLine]:
-    """Yield requests from the facts of a scenario, with enough conditions to leave few others."""
+    """Yield requests from the facts of a scenario, with enough conditions to leave few other scenarios."""
     seen = set[str]()
     styles = rounds(STYLES, draw)
     for tries, one in enumerate(rounds(materials.scenarios, draw)):

@@ -32,8 +32,8 @@ def _line(
     draw: Draw,
 ) -> CorpusLine:
     whole = {"planner": context["planner"], "preset": None, "weights": None, **truth}
-    said = styled(text, terse, style, draw)
-    return CorpusLine("tuning", said, whole, expect, category, style, said, {"context": context})
+    phrased = styled(text, terse, style, draw)
+    return CorpusLine("tuning", phrased, whole, expect, category, style, phrased, {"context": context})
 
 
 def _weights(context: dict[str, str], preset: str | None = None) -> dict[str, float]:
@@ -55,9 +55,9 @@ def _assigned(context: dict[str, str], draw: Draw, most: int) -> dict[str, float
 def _explicit(context: dict[str, str], style: Any, draw: Draw) -> CorpusLine:
     explicit = _assigned(context, draw, 3)
     truth = {"weights": _weights(context) | explicit, "weights_complete": True, "explicit": explicit}
-    said = " and ".join(f"{name} to {value:g}" for name, value in explicit.items())
+    words = " and ".join(f"{name} to {value:g}" for name, value in explicit.items())
     terse = ", ".join(f"{name} {value:g}" for name, value in explicit.items())
-    return _line(context, f"Set {said}.", terse, truth, "ok", "explicit", style, draw)
+    return _line(context, f"Set {words}.", terse, truth, "ok", "explicit", style, draw)
 
 
 def _mixed(context: dict[str, str], style: Any, draw: Draw) -> CorpusLine:
@@ -68,9 +68,9 @@ def _mixed(context: dict[str, str], style: Any, draw: Draw) -> CorpusLine:
         "weights_complete": True,
         "explicit": explicit,
     }
-    said = " and ".join(f"{key} at {value:g}" for key, value in explicit.items())
+    words = " and ".join(f"{key} at {value:g}" for key, value in explicit.items())
     return _line(
-        context, f"Take the {name} preset, but with {said}.", f"{name}, {said}", truth, "ok", "mixed", style, draw
+        context, f"Take the {name} preset, but with {words}.", f"{name}, {words}", truth, "ok", "mixed", style, draw
     )
 
 

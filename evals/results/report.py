@@ -14,7 +14,7 @@ from .tables import tables_of
 
 
 def report_html(rows: Sequence[Row]) -> str:
-    """Return the report on rows, of which there must be at least one."""
+    """Return the report on one or more rows."""
     environment = Environment(
         loader=PackageLoader(__package__, "."),
         autoescape=True,

@@ -45,7 +45,7 @@ class Row:
 
     @property
     def tokens(self) -> int:
-        """Tokens of prompts and completions, as the model's server counted them; 0 for an agent without a model."""
+        """The tokens of prompts and completions, as the model's server counted them; 0 for an agent without a model."""
         return self.attempt.prompt_tokens + self.attempt.completion_tokens
 
 

@@ -18,7 +18,7 @@ TOLERANCE = 1e-3
 
 
 def last_of(calls: Iterable[MadeCall], *tools: str) -> MadeCall | None:
-    """Return the last accepted call of some tools, or None."""
+    """Return the last accepted call of the given tools, or None."""
     return next((call for call in reversed(list(calls)) if call.tool in tools and not call.is_error), None)
 
 
@@ -34,7 +34,7 @@ def scored(request: EvalRequest, columns: Mapping[str, bool | None], misses: Seq
     return Score(request.request_id, done=not failed, columns=columns, misses=words if failed else ())
 
 
-def asked_back(request: EvalRequest, attempt: Attempt) -> Score:
+def score_question(request: EvalRequest, attempt: Attempt) -> Score:
     """Score a request that needs a question: one must be asked and nothing created, or an alternative accepted."""
     made = last_of(attempt.calls, *MAKING)
     accepted = "ok" in request.truth.get("also_accept", ()) and made is not None
@@ -46,9 +46,9 @@ def asked_back(request: EvalRequest, attempt: Attempt) -> Score:
 def refused(request: EvalRequest, attempt: Attempt, *tools: str) -> Score:
     """Score a request that must be refused, by the tool or by the agent, without creating anything."""
     made = last_of(attempt.calls, *tools)
-    said = attempt.ending in ("refused", "asked") or any(call.is_error for call in attempt.calls)
+    is_refusal = attempt.ending in ("refused", "asked") or any(call.is_error for call in attempt.calls)
     accepted = "ok" in request.truth.get("also_accept", ())
-    done = accepted or (made is None and said)
+    done = accepted or (made is None and is_refusal)
     why = f"created {_created_id(made)} although a refusal was correct" if made else "neither refused nor asked"
     return Score(request.request_id, done, {"refused": done}, () if done else (why,))
 

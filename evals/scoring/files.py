@@ -116,8 +116,8 @@ class Lanelet:
     right: Line
     successors: tuple[int, ...]
     predecessors: tuple[int, ...]
-    beside_left: int | None
-    beside_right: int | None
+    adjacent_left: int | None
+    adjacent_right: int | None
     left_is_same: bool
     right_is_same: bool
     types: frozenset[str]
@@ -185,14 +185,14 @@ class SceneFile:
 
     @property
     def last_step(self) -> int:
-        """The last step that a road user or a goal reaches."""
+        """The last step of any moving road user's track or any goal's time interval."""
         ends = [max(user.states) for user in self.users.values() if not user.is_static]
         ends += [int(goal.last_step) for problem in self.problems for goal in problem.goals]
         return max(ends, default=0)
 
     @property
     def counts(self) -> Counter[str]:
-        """Count road users by class, including static ones, without the ego of the planning problem."""
+        """The number of road users by class, including static road users, excluding the ego of the planning problem."""
         egos = {problem.key for problem in self.problems}
         return Counter(user.kind for key, user in self.users.items() if key not in egos)
 
@@ -201,15 +201,15 @@ class SceneFile:
         point = shapely.Point(x, y)
         return {key for key, lane in self.lanelets.items() if lane.polygon.distance(point) <= slack}
 
-    def lanes_beside(self, key: int) -> int:
-        """Count the parallel lanelets of one direction, including this one."""
-        return 1 + len(list(self._beside(key, "left"))) + len(list(self._beside(key, "right")))
+    def count_parallel_lanes(self, key: int) -> int:
+        """Count the parallel lanelets of one direction, including the given lanelet."""
+        return 1 + len(list(self._adjacent_lanelets(key, "left"))) + len(list(self._adjacent_lanelets(key, "right")))
 
-    def _beside(self, key: int, side: str) -> Iterator[int]:
+    def _adjacent_lanelets(self, key: int, side: str) -> Iterator[int]:
         seen = {key}
         while True:
             lane = self.lanelets[key]
-            other = lane.beside_left if side == "left" else lane.beside_right
+            other = lane.adjacent_left if side == "left" else lane.adjacent_right
             same = lane.left_is_same if side == "left" else lane.right_is_same
             if other is None or not same or other in seen or other not in self.lanelets:
                 return
@@ -218,7 +218,7 @@ class SceneFile:
             key = other
 
     def present(self, step: int) -> dict[int, Body]:
-        """Return the bodies present at a step."""
+        """Return the bodies present at a step, by road user."""
         there = {key: user.at(step) for key, user in self.users.items()}
         return {key: body for key, body in there.items() if body is not None}
 
@@ -348,8 +348,8 @@ def _lanelet(element: Any) -> Lanelet:
         right=bound("rightBound"),
         successors=tuple(int(one.get("ref")) for one in element.iterfind("successor")),
         predecessors=tuple(int(one.get("ref")) for one in element.iterfind("predecessor")),
-        beside_left=left[0],
-        beside_right=right[0],
+        adjacent_left=left[0],
+        adjacent_right=right[0],
         left_is_same=left[1],
         right_is_same=right[1],
         types=frozenset((one.text or "").strip() for one in element.iterfind("laneletType")),
@@ -495,7 +495,7 @@ class World:
         return self._scenes[scenario_id]
 
     def scenes(self) -> dict[str, SceneFile]:
-        """Return all scenarios of the workspace."""
+        """Return all scenarios of the workspace, by id."""
         found = {key: self.scene(key) for key in self.ids("scenario")}
         return {key: scene for key, scene in found.items() if scene is not None}
 

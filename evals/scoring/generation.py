@@ -18,7 +18,7 @@ from ...schemas.runs import NO_TRAJECTORY
 from ..attempts import Attempt, EvalRequest, MadeCall, Score
 from .common import built_in, last_of, refused, scored
 from .files import World
-from .made_files import MadeFiles, holds_vehicles
+from .made_files import MadeFiles, has_vehicles
 
 _USUAL: Mapping[str, tuple[object, ...]] = {
     "density": (None, "low"),
@@ -44,7 +44,7 @@ def score_generation(request: EvalRequest, attempt: Attempt, workspace: Path) ->
 
 
 def generation_columns(truth: Mapping[str, Any], made: MadeCall, workspace: Path) -> dict[str, bool | None]:
-    """Return which checks the scenarios of a call meet."""
+    """Return, by column, whether the scenarios of a call meet the check; None if it does not apply."""
     found = made.structured.get("scenarios", [])
     folders = [workspace / "scenarios" / str(one["scenario_id"]) for one in found]
     world = World(workspace)
@@ -64,12 +64,12 @@ def generation_columns(truth: Mapping[str, Any], made: MadeCall, workspace: Path
         "count": len(found) == truth.get("count", 1) or f"only {len(found)} different site" in made.text,
         "place": country is None or all(str(one["scenario_id"]).startswith(country) for one in found),
         "type": kind == "any" or all(str(one["site"]).startswith(kind) for one in found),
-        "vehicles": any(_holds(files, wanted) for wanted in truth.get("vehicles_accept", [truth["vehicles"]])),
+        "vehicles": any(_has_classes(files, wanted) for wanted in truth.get("vehicles_accept", [truth["vehicles"]])),
     }
 
 
-def _holds(files: list[MadeFiles], wanted: Mapping[str, int | str]) -> bool:
-    return all(holds_vehicles(one, {name: _bounds(count) for name, count in wanted.items()}) for one in files)
+def _has_classes(files: list[MadeFiles], wanted: Mapping[str, int | str]) -> bool:
+    return all(has_vehicles(one, {name: _bounds(count) for name, count in wanted.items()}) for one in files)
 
 
 def _bounds(count: int | str) -> tuple[int, int | None]:

@@ -37,7 +37,7 @@ SIZES = {
 
 @dataclass(frozen=True)
 class MadeFiles:
-    """A generated scenario: its net, its middle there in m and in degrees, its obstacles as (type, length)."""
+    """A generated scenario: its net, its middle in m in the net and in degrees, its obstacles as (type, length)."""
 
     net: SumoNet
     middle: Points
@@ -63,7 +63,7 @@ class MadeFiles:
         return cls(net, middle, latitude, longitude, obstacles)
 
     def classes(self) -> Counter[str]:
-        """Count vehicles by class, without the ego."""
+        """Return the number of vehicles by class, excluding the ego."""
         return Counter(
             name
             for kind, length in self.obstacles
@@ -72,11 +72,11 @@ class MadeFiles:
         )
 
     def near(self, within_m: float) -> list[NetEdge]:
-        """Return the roads of the net within a distance of the middle."""
+        """Return the roads of the net within a distance of the scenario's middle."""
         return [edge for edge in self.net.edges.values() if not edge.internal and self._distance_m(edge) < within_m]
 
     def is_near(self, point: Points, within_m: float) -> bool:
-        """Return whether a point (2,) is within a distance of the middle."""
+        """Return whether a point (2,) is within a distance of the scenario's middle."""
         return float(np.linalg.norm(point - self.middle)) < within_m
 
     def _distance_m(self, edge: NetEdge) -> float:
@@ -85,7 +85,7 @@ class MadeFiles:
         return float(np.linalg.norm(points - self.middle, axis=1).min())
 
 
-AT_M, BESIDE_M, JUNCTION_M = 25.0, 40.0, 60.0
+AT_M, NEARBY_M, JUNCTION_M = 25.0, 40.0, 60.0
 """Distances from the middle: on its road, with both carriageways; next to it; at its junction. Sites closer than this
 are one site.
 """
@@ -93,7 +93,7 @@ TOWN_M = 100.0
 """Radius around the middle in which streets with houses or built-up land indicate a town."""
 FAST_KMH, SLOW_KMH = 80.0, 60.0
 """Limits above which a road is outside towns, and below which it is in a town, regardless of its surroundings."""
-TOLD_BY_TAGS = frozenset({"highway", "ramp", "rural", "urban"})
+SHOWN_BY_TAGS = frozenset({"highway", "ramp", "rural", "urban"})
 """Types of sites determined from the tags of the map; those of junctions follow from the net alone."""
 STREETS = frozenset({"residential", "living_street", "pedestrian"})
 FAST_CLASSES = frozenset({"motorway", "trunk"})
@@ -132,15 +132,15 @@ def _any_class(made: MadeFiles, classes: frozenset[str], within_m: float) -> boo
 
 
 def _near_a_road(made: MadeFiles) -> bool:
-    """Return whether the middle is near a road other than motorways and links, and no motorway passes."""
-    roads = [edge for edge in made.near(BESIDE_M) if not _is_link(edge)]
+    """Return whether a road other than motorways and links, but no motorway, is near the scenario's middle."""
+    roads = [edge for edge in made.near(NEARBY_M) if not _is_link(edge)]
     return bool(roads) and not any("motorway" in _classes(edge) for edge in roads)
 
 
 def _in_town(made: MadeFiles, evidence: MapEvidence) -> bool:
     """Return whether the scenario is in a town: by clear limits, otherwise by streets with houses and built-up land."""
     spot = (made.latitude, made.longitude)
-    limits = evidence.limits_kmh(*spot, BESIDE_M)
+    limits = evidence.limits_kmh(*spot, NEARBY_M)
     if max(limits, default=0.0) >= FAST_KMH:
         return False
     slow = min(limits, default=math.inf) < SLOW_KMH
@@ -149,12 +149,12 @@ def _in_town(made: MadeFiles, evidence: MapEvidence) -> bool:
 
 def _rural(made: MadeFiles, evidence: MapEvidence) -> bool:
     """Return whether the scenario is near a country road, and not at a ramp."""
-    ramp = any(_is_link(edge) for edge in made.near(BESIDE_M))
+    ramp = any(_is_link(edge) for edge in made.near(NEARBY_M))
     return _near_a_road(made) and not ramp and not _in_town(made, evidence)
 
 
 def _highway(made: MadeFiles, evidence: MapEvidence) -> bool:
-    """Return whether a motorway is at the middle; in a map without motorways, a trunk road with a high limit counts."""
+    """Return whether a motorway is at the scenario's middle; without motorways on the map, a fast trunk road counts."""
     limits = evidence.limits_kmh(made.latitude, made.longitude, AT_M)
     trunk = _is_trunk_for_motorway(evidence) and max(limits, default=0.0) >= FAST_KMH
     return _any_class(made, FAST_CLASSES if trunk else frozenset({"motorway"}), AT_M)
@@ -165,7 +165,7 @@ def _is_trunk_for_motorway(evidence: MapEvidence) -> bool:
 
 
 def _ramp(made: MadeFiles, evidence: MapEvidence) -> bool:
-    """Return whether a link leaves or joins a motorway at the middle, or a trunk road in a map without motorways.
+    """Return whether a link leaves or joins a motorway (or else a trunk road) at the scenario's middle.
 
     If a motorway becomes a trunk road at the junction of the link, the link may lead to the trunk road.
     """
@@ -185,7 +185,7 @@ def _ramp(made: MadeFiles, evidence: MapEvidence) -> bool:
 
 
 def _crossing(made: MadeFiles, *, lit: bool) -> bool:
-    """Return whether a junction of three arms is at the middle, not only of motorways, with lights if required."""
+    """Return whether a junction of three arms is at the scenario's middle, with lights if required."""
     junctions = {
         junction
         for edge in made.near(JUNCTION_M)
@@ -236,16 +236,16 @@ LEAST_ENTRIES = 2
 """Minimum number of roads that lead into a roundabout."""
 ALONG = ("s", "L", "R")
 """SUMO's letters for continuing along a road; a ring with a turn leads around a block or across an intersection."""
-REACH_M, RING_BESIDE_M = 180.0, 30.0
+REACH_M, RING_NEARBY_M = 180.0, 30.0
 """Maximum distance of a ring's roads from its middle, and of the scenario's middle from the ring."""
 SIDES_APART_M = 12.0
 """Maximum distance between the middles of the two directions of a road; the other half of a ring is farther away."""
 
 
 def _shows_roundabout(made: MadeFiles) -> bool:
-    """Return whether a closed one-way ring surrounds the middle or passes by it, with at least two entries.
+    """Return whether a one-way ring with at least two entries surrounds the scenario's middle or is close to it.
 
-    It must have the proper direction: counter-clockwise in right-hand traffic.
+    Traffic on it must circulate in the correct direction: counter-clockwise in right-hand traffic.
     """
     edges = {key: edge for key, edge in made.net.edges.items() if not edge.internal}
     one_way = {key for key, edge in edges.items() if not _has_other_side(made.net, edge)}
@@ -294,7 +294,7 @@ def _is_at_middle(made: MadeFiles, ring: list[str]) -> bool:
     from shapely import Point, Polygon
 
     area = Polygon(np.vstack([_line(made.net, made.net.edges[edge]) for edge in ring])).buffer(0.0)
-    return float(area.distance(Point(*made.middle))) < RING_BESIDE_M
+    return float(area.distance(Point(*made.middle))) < RING_NEARBY_M
 
 
 def _is_round(net: SumoNet, ring: list[str]) -> bool:
@@ -316,7 +316,7 @@ _STATED = "density missed"
 
 @dataclass(frozen=True)
 class DensityVerdict:
-    """Vehicles per kilometre of lane at the start, including the ego, next to the target; whether a miss is stated."""
+    """Vehicles per kilometre of lane at the start, including the ego; ``stated``: the answer admits a miss."""
 
     target: float
     found: float
@@ -324,19 +324,19 @@ class DensityVerdict:
 
     @property
     def met(self) -> bool:
-        """Within a quarter of the target."""
+        """Whether the density found is within a quarter of the target."""
         return abs(self.found - self.target) <= _WITHIN * self.target
 
     @property
     def honest(self) -> bool:
-        """Met, or missed with the reason in a note."""
+        """Whether the target is met, or is missed with the reason in a note."""
         return self.met or self.stated
 
 
-def judge_density(made: MadeFiles, asked: Density, notes: Sequence[str]) -> DensityVerdict:
-    """Count the obstacles and the ego on the lanes of the net that cars may use, without insides of junctions."""
+def judge_density(made: MadeFiles, requested: Density, notes: Sequence[str]) -> DensityVerdict:
+    """Return the verdict on the density: obstacles plus ego per km of car lanes outside junctions."""
     found = (len(made.obstacles) + 1) / _lane_km(made.net)
-    return DensityVerdict(TARGETS[asked], round(found, 2), any(_STATED in note for note in notes))
+    return DensityVerdict(TARGETS[requested], round(found, 2), any(_STATED in note for note in notes))
 
 
 def _lane_km(net: SumoNet) -> float:
@@ -348,14 +348,14 @@ STREET_WITHIN_M, EXIT_WITHIN_M = 100.0, 200.0
 """Maximum distance of the road that names a site; an exit is also named after the road that it leads to."""
 
 
-def lies_in(made: MadeFiles, box: Sequence[float], slack: float) -> bool:
-    """Return whether the middle is in a box (south, west, north, east), up to ``slack`` outside; all in degrees."""
+def is_in_box(made: MadeFiles, box: Sequence[float], slack: float) -> bool:
+    """Return whether the site's middle is at most ``slack`` outside a box (south, west, north, east); in degrees."""
     south, west, north, east = box
     inside = south - slack <= made.latitude <= north + slack
     return inside and west - slack <= made.longitude <= east + slack
 
 
-def lies_at_street(
+def is_at_street(
     made: MadeFiles, street: str, places: Sequence[str], evidence: MapEvidence, within_m: float = STREET_WITHIN_M
 ) -> bool:
     """Return whether every part of ``street, place`` is a place of the map, or has a match of that name nearby."""
@@ -363,7 +363,7 @@ def lies_at_street(
     return all(part in places or evidence.names_near(part, made.latitude, made.longitude, within_m) for part in parts)
 
 
-def holds_vehicles(made: MadeFiles, required: dict[str, tuple[int, int | None]]) -> bool:
+def has_vehicles(made: MadeFiles, required: dict[str, tuple[int, int | None]]) -> bool:
     """Return whether every class is present in the required numbers: (minimum, maximum) by class."""
     counts = made.classes()
     return all(

@@ -56,7 +56,7 @@ class Mapped:
 
 @dataclass(frozen=True)
 class MapEvidence:
-    """Everything on a map with tags and a position."""
+    """Everything on a map that has tags and a position."""
 
     mapped: tuple[Mapped, ...]
 
@@ -148,8 +148,8 @@ def _words(name: str) -> frozenset[str]:
 class BenchMaps:
     """Maps by the names of their files.
 
-    ``files`` are readable as XML; ``unread`` states why others are not. ``places`` is the content of the folder's list
-    for each, and ``entries`` are the listed ones, in the generator's form.
+    ``files`` are readable as XML; ``unread`` states why other files are not. ``places`` is the content of the folder's
+    list for each, and ``entries`` are the listed maps, in the generator's form.
     """
 
     entries: tuple[MapEntry, ...]
@@ -159,7 +159,7 @@ class BenchMaps:
 
     @property
     def names(self) -> frozenset[str]:
-        """Files for which requests can be made."""
+        """The names of the map files for which requests can be made."""
         return frozenset(entry.facts.file_name for entry in self.entries)
 
     def name_of(self, map_id: str) -> str:
@@ -172,7 +172,7 @@ class BenchMaps:
 
 
 def read_maps(folder: Path, scratch: Path) -> BenchMaps:
-    """Read every map of a folder; ``scratch`` gets the binary ones as XML."""
+    """Read every map of a folder; ``scratch`` gets the binary maps as XML."""
     places = json.loads((folder / "places.json").read_text(encoding="utf-8"))
     entries: list[MapEntry] = []
     files: dict[str, Path] = {}

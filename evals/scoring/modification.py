@@ -28,7 +28,7 @@ Columns = dict[str, bool | None]
 
 
 def score_modification(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
-    """Score the last scenario made from the requested one."""
+    """Score the last scenario made from the requested scenario."""
     if request.expect == "refuse":
         return refused(request, attempt, "modify_scenario")
     made = last_of(attempt.calls, "modify_scenario")
@@ -38,7 +38,7 @@ def score_modification(request: EvalRequest, attempt: Attempt, workspace: Path) 
 
 
 def edit_columns(truths: Sequence[Mapping[str, Any]], made: MadeCall, world: World) -> Columns:
-    """Return which checks a written scenario meets, for all edits together."""
+    """Return, by column, whether a written scenario meets the check, for all edits together."""
     scene = world.scene(str(made.structured.get("scenario_id")))
     base = world.scene(str(made.structured.get("base_id")))
     if scene is None or base is None:
@@ -46,10 +46,10 @@ def edit_columns(truths: Sequence[Mapping[str, Any]], made: MadeCall, world: Wor
     reports = list(made.structured.get("edits", []))[-len(truths) :]
     columns: Columns = {"xml": True, "preserve": _untouched_are_so(made, scene, base)}
     columns["edits"] = len(reports) == len(truths)
-    asked = world.recipe(str(made.structured["scenario_id"])).get("arguments", {}).get("edits", [])
+    requested = world.recipe(str(made.structured["scenario_id"])).get("arguments", {}).get("edits", [])
     for index, truth in enumerate(truths):
         report = reports[index] if index < len(reports) else {}
-        for name, verdict in _checks(truth, report, scene, base, asked).items():
+        for name, verdict in _checks(truth, report, scene, base, requested).items():
             columns[name] = verdict and columns.get(name) is not False
     return columns
 
@@ -119,7 +119,10 @@ def _reached(scene: SceneFile, begin: Iterable[int]) -> set[int]:
         lane = scene.lanelets.get(todo.pop())
         if lane is None:
             continue
-        adjoining = [lane.beside_left if lane.left_is_same else None, lane.beside_right if lane.right_is_same else None]
+        adjoining = [
+            lane.adjacent_left if lane.left_is_same else None,
+            lane.adjacent_right if lane.right_is_same else None,
+        ]
         for key in (*lane.successors, *adjoining):
             if key is not None and key not in reached:
                 reached.add(key)
@@ -127,10 +130,10 @@ def _reached(scene: SceneFile, begin: Iterable[int]) -> set[int]:
     return reached
 
 
-def _behaves(truth: Mapping[str, Any], asked: Sequence[Mapping[str, Any]]) -> bool:
-    """Return whether preset and parameters are the requested ones, according to the recipe of the written file."""
+def _behaves(truth: Mapping[str, Any], requested: Sequence[Mapping[str, Any]]) -> bool:
+    """Return whether preset and parameters are as requested, according to the recipe of the written file."""
     preset, params = truth.get("preset"), {name: float(value) for name, value in truth.get("params", {}).items()}
-    for edit in asked:
+    for edit in requested:
         if edit.get("op") != "set_behaviour" or str(edit.get("preset") or "").lower() != str(preset or "").lower():
             continue
         given = dict(_assigned(str(text)) for text in edit.get("params") or [])

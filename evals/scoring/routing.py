@@ -51,12 +51,12 @@ def classes_of(attempt: Attempt) -> tuple[list[str], str]:
     """
     letters = {_letter(edit) for call in attempt.calls for edit in _edits(call)}
     classes = [name for name, _ in groupby(filter(None, map(_class, attempt.calls)))]
-    asked = "".join(letter for letter in "TBPG" if letter in letters)
+    found = "".join(letter for letter in "TBPG" if letter in letters)
     work = [name for name in classes if name != _LOOK]
     if not work:
         answered = bool(classes) or (attempt.ending == "answered" and bool(attempt.answers))
-        return ["qa" if answered and attempt.ending != "refused" else "fail"], asked
-    return [*work, *(["qa"] if classes[-1] == _LOOK else [])], asked
+        return ["qa" if answered and attempt.ending != "refused" else "fail"], found
+    return [*work, *(["qa"] if classes[-1] == _LOOK else [])], found
 
 
 def _as_read(call: MadeCall) -> Mapping[str, Any]:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from ..attempts import Attempt, EvalRequest, Score, Task
-from .common import asked_back, refused
+from .common import refused, score_question
 from .conversation import score_conversation
 from .generation import score_generation
 from .modification import score_modification
@@ -25,7 +25,7 @@ _SCORERS: Mapping[Task, Callable[[EvalRequest, Attempt, Path], Score]] = {
 def score_attempt(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
     """Score an attempt in the columns of its task's table; ``workspace`` is the workspace of the server used."""
     if request.expect == "clarify" and request.task != "routing":
-        return asked_back(request, attempt)
+        return score_question(request, attempt)
     if request.task == "selection" and request.expect == "refuse":
         return refused(request, attempt, "find_scenarios")
     return _SCORERS[request.task](request, attempt, workspace)

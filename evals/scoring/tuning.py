@@ -20,9 +20,9 @@ MISSING_PLANNER = "no_such_planner"
 def score_tuning(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
     """Score the last configuration against the weights that the request amounts to."""
     made = last_of(attempt.calls, "configure_planner")
-    told = " ".join(call.text for call in attempt.calls if call.is_error)
+    refusals = " ".join(call.text for call in attempt.calls if call.is_error)
     planner = str(request.truth["planner"])
-    if made is None and f"'{planner}'" in told and "planner" in told:
+    if made is None and f"'{planner}'" in refusals and "planner" in refusals:
         return scored(request, {MISSING_PLANNER: True})
     if request.expect == "refuse":
         return refused(request, attempt, "configure_planner")
@@ -36,7 +36,7 @@ def score_tuning(request: EvalRequest, attempt: Attempt, workspace: Path) -> Sco
 def tuning_columns(
     truth: Mapping[str, Any], context: Mapping[str, Any], weights: Mapping[str, float]
 ) -> dict[str, bool | None]:
-    """Return which checks the weights of a configuration meet; None for those that the request does not involve."""
+    """Return, by column, whether a configuration's weights meet the check; None if the request does not involve it."""
     wanted: Mapping[str, float] | None = truth.get("weights")
     explicit: Mapping[str, float] = truth.get("explicit", {})
     complete = truth.get("weights_complete", True)
@@ -60,7 +60,7 @@ def tuning_columns(
 
 
 def _weights_before(context: Mapping[str, Any]) -> Mapping[str, float]:
-    """Return the weights before a request."""
+    """Return the weights before a request, by name."""
     named = named_configuration(f"{context.get('planner') or 'frenetix'}:{context.get('preset') or 'Default'}")
     weights = {} if named is None else dict(named.weights)
     return {**weights, **context.get("overrides", {}), **(context.get("weights") or {})}

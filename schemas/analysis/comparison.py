@@ -5,11 +5,11 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from ..base import Answer, Arguments, Model, Result
-from ..measures import metric_meant, metric_words
+from ..measures import metric_of_label, metric_words
 from ..results import SIGNIFICANCE_LEVEL, ConfigWeights, MetricName, Rate, figure, with_unit
 from ..reviews import Contact, RunReview
 from ..runs import Lineage, Outcome, RunSource, ScenarioSource, ending
-from ..text import measured, p_figure, p_in_words, without_shared_clauses
+from ..text import counted, measured, p_figure, p_in_words, without_shared_clauses
 
 HeadlineCode = Literal[
     "no_valid_pair",
@@ -29,7 +29,7 @@ HeadlineCode = Literal[
 - ``better``, ``worse``: shown by the exact test after Holm's adjustment
 - ``mixed``: shown, but the sign changes with the prediction or traffic mode
 - ``tie``: no pair flipped
-- ``alike``: pairs flipped, and the 95 % interval of the difference is within ten points of 0
+- ``alike``: pairs flipped, and the 95% interval of the difference is within ten points of 0
 - ``flips_too_few``: so few scenarios differ that no test can show anything
 - ``no_difference_shown``: a test was possible but shows no difference"""
 MetricsCode = Literal["untested", "none", "better", "worse", "mixed", "changed"]
@@ -43,7 +43,7 @@ MetricsCode = Literal["untested", "none", "better", "worse", "mixed", "changed"]
 
 
 def _metric_name(value: object) -> object:
-    return metric_meant(value) if isinstance(value, str) else value
+    return metric_of_label(value) if isinstance(value, str) else value
 
 
 UnlistedMetric = Annotated[MetricName, BeforeValidator(_metric_name), WithJsonSchema({"type": "string"})]
@@ -53,15 +53,15 @@ Every name that an answer, a table or a legend prints is accepted."""
 
 
 class CompareResultsArguments(Arguments):
-    """A against B, paired per scenario: tests, intervals, effect sizes, flips each way, which weights changed."""
+    """A against B, paired per scenario: tests, intervals, effect sizes, flips, changed weights."""
 
     results: list[str] = Field(
         [],
         max_length=50,
         description="run or batch ids, baseline first, or one batch of configurations; default: the newest",
     )
-    metrics: list[UnlistedMetric] = Field([], description="risk_score, duration_s …; default: all that can be compared")
-    limit: int = Field(10, ge=1, le=100, description="flipped scenarios shown per direction")
+    metrics: list[UnlistedMetric] = Field([], description="risk_score, duration_s …; default: all comparable")
+    limit: int = Field(10, ge=1, le=100, description="flips shown per direction")
 
 
 class Side(Model):
@@ -137,7 +137,7 @@ class WeightChange(Model):
 
 
 class SuccessTest(Model):
-    """The pairs by success, and the paired difference in success rates with its 95 % interval and exact p value.
+    """The pairs by success, and the paired difference in success rates with its 95% interval and exact p value.
 
     The scenario is the unit: pairs of one scenario count only by their difference (docs/statistics.md). If no
     difference is shown, ``needed`` is the number of scenarios that would show one of ten points.
@@ -153,15 +153,15 @@ class SuccessTest(Model):
     difference: float | None = Field(
         description="difference of the success rates, after − before, from -1 to 1; null without pairs"
     )
-    low: float | None = Field(description="lower end of its 95 % interval, of this test alone")
-    high: float | None = Field(description="upper end of its 95 % interval, of this test alone")
+    low: float | None = Field(description="lower end of its 95% interval, of this test alone")
+    high: float | None = Field(description="upper end of its 95% interval, of this test alone")
     p: float | None = Field(description="exact two-sided p; null without pairs")
     p_holm: float | None = Field(description="p after Holm's adjustment; null if the test could show nothing")
     needed: int | None = None
 
     @property
     def excludes_zero_alone(self) -> bool:
-        """Return whether the interval excludes 0 although the test, adjusted for all tests, shows nothing."""
+        """Whether the interval excludes 0 although the test, adjusted for all tests, shows nothing."""
         if self.low is None or self.high is None or self.low <= 0 <= self.high:
             return False
         return self.p_holm is None or self.p_holm >= SIGNIFICANCE_LEVEL
@@ -181,9 +181,9 @@ class MetricTest(Model):
     """Wilcoxon's signed-rank test of after − before, on pairs averaged by scenario.
 
     ``pairs`` counts the pairs and ``scenarios`` the tested averages. ``shift`` is the Hodges–Lehmann estimate with its
-    95 % interval (None below six differing pairs). ``effect`` is the matched-pairs rank-biserial correlation in [−1,
+    95% interval (None below six differing pairs). ``effect`` is the matched-pairs rank-biserial correlation in [−1,
     1]. ``higher`` and ``lower`` count scenarios in which the metric rises and falls. ``better`` is the better side if p
-    is below 5 % after Holm's adjustment and the shift exceeds the metric's resolution, otherwise None. ``run_ids`` is
+    is below 5% after Holm's adjustment and the shift exceeds the metric's resolution, otherwise None. ``run_ids`` is
     then the pair with the largest difference. For a single pair, ``direction`` compares the two values without a test:
     ``changed`` if the metric has no better direction, ``same`` if the first three digits agree.
     """
@@ -200,8 +200,8 @@ class MetricTest(Model):
     shift: float | None = Field(
         description="Hodges–Lehmann estimate of after − before, in `unit`; null below six differing pairs"
     )
-    low: float | None = Field(description="lower end of its 95 % interval, of this test alone, in `unit`")
-    high: float | None = Field(description="upper end of its 95 % interval, of this test alone, in `unit`")
+    low: float | None = Field(description="lower end of its 95% interval, of this test alone, in `unit`")
+    high: float | None = Field(description="upper end of its 95% interval, of this test alone, in `unit`")
     effect: float | None = Field(description="matched-pairs rank-biserial correlation, from -1 to 1")
     p: float | None = Field(description="two-sided p of Wilcoxon's signed-rank test; null if not tested")
     p_holm: float | None = Field(description="p after Holm's adjustment; null if the test could show nothing")
@@ -236,7 +236,7 @@ class Comparison(Model):
     to_failure_count: int = Field(description="number of these")
     weights: tuple[WeightChange, ...] = Field(description="cost weights that differ")
     conditions: tuple[str, ...] = Field(description="other differences between the sides")
-    strata: tuple[Stratum, ...] = Field((), description="if a side has several predictions or traffic modes")
+    strata: tuple[Stratum, ...] = Field((), description="if a side has several predictions, traffic modes or worlds")
     unpaired: int = Field(description="runs of either side without a partner")
     invalid_pairs: int = Field(description="pairs in which a run could not be attempted")
     headline_code: HeadlineCode = Field(description="stable code of what the pairs show about success")
@@ -359,12 +359,14 @@ def _success(test: SuccessTest) -> list[str]:
     if not test.pairs:
         return []
     counts = {
-        "both reach the goal": test.both,
+        "with both": test.both,
         "only before": test.only_before,
         "only after": test.only_after,
-        "neither": test.neither,
+        "with neither": test.neither,
     }
-    line = f"- {test.pairs} pairs: {', '.join(f'{name} {count}' for name, count in counts.items() if count)}"
+    first, *others = (f"{count} {{}}{name}" for name, count in counts.items() if count)
+    shares = ", ".join([first.format("reach the goal "), *(other.format("") for other in others)])
+    line = f"- {counted(test.pairs, 'pair')}: {shares}"
     if (
         test.only_before + test.only_after
         and test.difference is not None
@@ -372,7 +374,7 @@ def _success(test: SuccessTest) -> list[str]:
         and test.high is not None
     ):
         low, high = 100 * test.low, 100 * test.high
-        line += f"; {100 * test.difference:+.0f} points (95 %: {low:+.0f} to {high:+.0f}), "
+        line += f"; {100 * test.difference:+.0f} points (95%: {low:+.0f} to {high:+.0f}), "
         line += f"{'McNemar' if test.scenarios in (0, test.pairs) else f'{test.scenarios} scenarios'} exact "
         line += _p(test.p, test.p_holm)
         line += f"; {_ALONE}" if test.excludes_zero_alone else ""
@@ -380,7 +382,7 @@ def _success(test: SuccessTest) -> list[str]:
 
 
 _ALONE = "the interval is for this test alone; adjusted for all tests of this answer (Holm), no difference is shown"
-"""The note for a difference with a 95 % interval that excludes 0, although the adjusted test does not show it."""
+"""The note for a difference with a 95% interval that excludes 0, although the adjusted test does not show it."""
 
 
 def _strata(comparison: Comparison) -> list[str]:
@@ -390,7 +392,7 @@ def _strata(comparison: Comparison) -> list[str]:
 
 
 def _edited(comparison: Comparison) -> list[str]:
-    """Return what the edits changed between the scenarios of pairs by lineage."""
+    """Return lines on what the edits changed between the scenarios of pairs by lineage."""
     if not comparison.edited_count:
         return []
     lines = []
@@ -404,7 +406,7 @@ def _edited(comparison: Comparison) -> list[str]:
             f"- edited ({pair.before} → {pair.after}): {changes or 'generated again with another seed or traffic'}"
         )
     more = comparison.edited_count - len(lines)
-    return [*lines, *([f"- {more} more pairs of a scenario and its edited version"] if more > 0 else [])]
+    return [*lines, *([f"- {counted(more, 'more pair')} of a scenario and its edited version"] if more > 0 else [])]
 
 
 def _flips(title: str, flips: tuple[Flip, ...], count: int, most: int) -> list[str]:
@@ -434,7 +436,7 @@ def _directions(metrics: tuple[MetricTest, ...]) -> list[str]:
         "better": "better in this pair",
         "worse": "worse in this pair",
         "same": "same to three digits",
-        "none": "not compared: undefined in one run, or comparable only if both reach the goal",
+        "none": "not compared (undefined in one run, or comparable only if both reach the goal)",
     }
     return [f"- {titles.get(name, name)}: {', '.join(items)}" for name, items in groups.items() if items]
 
@@ -465,12 +467,13 @@ def _metric(metric: MetricTest) -> str:
     over = "pairs in which both reached the goal" if metric.basis == "both_reached_goal" else "valid pairs"
     interval = ""
     if metric.low is not None and metric.high is not None:
-        interval = f" (95 %: {measured(metric.low)} to {measured(metric.high)})"
+        interval = f" (95%: {measured(metric.low)} to {measured(metric.high)})"
     scenarios = "" if metric.scenarios in (0, metric.pairs) else f" in {metric.scenarios} scenarios"
     better = f"; {metric.better} is better" if metric.better else ""
     return (
         f"- {metric_words(metric.name)}: median {_medians(metric)}, "
-        f"shift {measured(metric.shift)}{interval}, effect {figure(metric.effect, 2)}, {_p(metric.p, metric.p_holm)}"
+        f"shift {measured(metric.shift)}{interval}, effect size {figure(metric.effect, 2)}, "
+        f"{_p(metric.p, metric.p_holm)}"
         f"{better} (n={metric.pairs} {over}{scenarios})"
     )
 

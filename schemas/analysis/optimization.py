@@ -10,6 +10,7 @@ from ..planning import WeightChange
 from ..results import figure
 from ..runs import Prediction, Traffic
 from ..text import counted, p_in_words
+from ..worlds import PERFECT, PERFECT_NAME, World
 from .comparison import HeadlineCode
 
 StudyCode = Literal[
@@ -44,6 +45,8 @@ class OptimizePlannerArguments(Arguments):
     prediction: Prediction = "constant_velocity"
     """As in `run_planner`."""
     traffic: Traffic = "recorded"
+    """As in `run_planner`."""
+    world: str = PERFECT_NAME
     """As in `run_planner`."""
     wait_s: float = Field(45, ge=0, le=50)
     """How long to wait for the study, in s. Afterwards the answer gives the job's id."""
@@ -107,9 +110,9 @@ class Effect(Model):
     """How much a weight matters to the objective on these scenarios.
 
     ``effect`` is Morris's μ* (the mean absolute change over the weight's range) or Sobol's total index. ``margin`` is
-    half of its 95 % interval (bootstrap). ``p`` is the chance that random signs of scenarios give at least this effect,
+    half of its 95% interval (bootstrap). ``p`` is the chance that random signs of scenarios give at least this effect,
     and ``p_adjusted`` accounts for the number of tested weights. ``verdict`` is ``matters`` if ``p_adjusted`` is below
-    5 % and the adjusted interval is above 0, and ``none`` if no change of the weight had an effect. ``largest`` gives
+    5% and the adjusted interval is above 0, and ``none`` if no change of the weight had an effect. ``largest`` gives
     the two points and the scenario with the largest change, and ``run_ids`` their runs.
     """
 
@@ -136,11 +139,11 @@ class GainRequest(Model):
 
 
 class Gain(Model):
-    """The mean difference over scenarios with its 95 % interval; without spread, its two ends equal the mean."""
+    """The mean difference over scenarios with its 95% interval; without spread, its two ends equal the mean."""
 
     difference: float = Field(description="mean of after − before, in the objective's unit")
-    low: float = Field(description="lower end of its 95 % interval")
-    high: float = Field(description="upper end of its 95 % interval")
+    low: float = Field(description="lower end of its 95% interval")
+    high: float = Field(description="upper end of its 95% interval")
     scenarios: int = Field(description="scenarios averaged")
 
 
@@ -176,8 +179,8 @@ class HeldOut(Model):
     scenarios: int = Field(description="held-out scenarios compared")
     gain: Gain = Field(description="difference of the objective, found − base")
     success_difference: float | None = Field(description="difference of the success rates, found − base, from -1 to 1")
-    success_low: float | None = Field(description="lower end of its 95 % interval")
-    success_high: float | None = Field(description="upper end of its 95 % interval")
+    success_low: float | None = Field(description="lower end of its 95% interval")
+    success_high: float | None = Field(description="upper end of its 95% interval")
     p: float | None = Field(description="exact two-sided p of the difference of success")
     collisions_before: int = Field(description="runs of the base that ended in a collision")
     collisions_after: int = Field(description="the same of the found configuration")
@@ -188,12 +191,12 @@ class HeldOut(Model):
 
     @property
     def is_better(self) -> bool:
-        """Return whether the gain is shown."""
+        """Whether the gain is shown."""
         return self.gain.low > 0 and self.shown
 
     @property
     def is_worse(self) -> bool:
-        """Return whether a loss is shown."""
+        """Whether a loss is shown."""
         return self.gain.high < 0 and self.shown
 
 
@@ -210,6 +213,9 @@ class StudyRecord(Model):
     constraints: tuple[str, ...] = Field(description="constraints on every candidate")
     prediction: Prediction
     traffic: Traffic
+    world: World = Field(
+        PERFECT, exclude_if=lambda world: world.is_perfect, description="the sensors of its runs; absent: perfect"
+    )
     base_id: str = Field(description="id of the initial configuration")
     base_name: str = Field(description="its name")
     best_id: str = Field(description="id of the found configuration")
@@ -283,11 +289,11 @@ def _headline(study: StudyRecord) -> str:
     gain = held_out.gain
     return (
         f"{study.study_id}: {found} {result} {study.base_name} on {held_out.scenarios} held-out scenarios: objective"
-        f" {gain.difference:+.3f} (95 % {gain.low:+.3f} to {gain.high:+.3f})."
+        f" {gain.difference:+.3f} (95% {gain.low:+.3f} to {gain.high:+.3f})."
     )
 
 
-_METHOD_NAMES = {"tpe": "TPE", "cmaes": "CMA-ES", "random": "Random"}
+_METHOD_NAMES = {"tpe": "Tree-structured Parzen estimator (TPE)", "cmaes": "CMA-ES", "random": "Random"}
 
 
 def _searched(study: StudyRecord) -> str:
@@ -318,7 +324,7 @@ def _figures(study: StudyRecord) -> list[str]:
         lines.append(f"Changes, with the training score each adds: {', '.join(changes)}{rest}.")
     if study.front:
         members = [f"{one.config_id} {', '.join(figure(value) for value in one.values)}" for one in study.front]
-        lines.append(f"Front ({len(members)}): {'; '.join(members[:_SHOWN])}.")
+        lines.append(f"Pareto front ({', '.join(study.objective)}), {len(members)}: {'; '.join(members[:_SHOWN])}.")
     return lines
 
 
@@ -334,7 +340,7 @@ def _effects_headline(study: StudyRecord) -> str:
 
 
 def _effects(study: StudyRecord) -> list[str]:
-    name = "μ*" if study.method == "morris" else "total index"
+    name = "Mean absolute effect (μ*)" if study.method == "morris" else "Total index"
 
     def line(one: Effect) -> str:
         p = "" if one.p_adjusted is None else f", {p_in_words(one.p_adjusted)}"

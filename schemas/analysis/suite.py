@@ -13,6 +13,7 @@ from ..catalog import FindScenariosArguments
 from ..generation import GenerateScenariosArguments
 from ..planning import ConfigurePlannerArguments
 from ..runs import LostCell, Outcome, Prediction, RunRecord, Traffic
+from ..worlds import PERFECT, World
 
 
 class SuiteFile(Model):
@@ -23,6 +24,7 @@ class SuiteFile(Model):
     configurations: tuple[str | dict[str, Any], ...] = Field(("frenetix:Default",), min_length=1)
     prediction: Prediction = "constant_velocity"
     traffic: Traffic = "recorded"
+    world: tuple[str, ...] | str = ()
     seed: int = 0
     limits: tuple[str, ...] = Field(min_length=1)
 
@@ -52,6 +54,7 @@ class Suite(Model):
     prediction: Prediction
     traffic: Traffic
     seed: int
+    world: World = PERFECT
     limits: tuple[str, ...]
 
 
@@ -75,7 +78,7 @@ class SuiteCase(Model):
 
 
 class LimitVerdict(Model):
-    """Whether a limit holds for a configuration; ``observed`` is the value, ``run_ids`` the runs that break it."""
+    """The verdict on a limit for a configuration; ``observed`` is the value, ``run_ids`` the runs that break it."""
 
     limit: str
     configuration: str
@@ -98,5 +101,5 @@ class SuiteReport(Model):
 
     @property
     def passed(self) -> bool:
-        """Return whether all limits hold."""
+        """Whether all limits hold."""
         return all(verdict.holds for verdict in self.verdicts)

@@ -105,8 +105,9 @@ class PlannerForgeError(Exception):
         reason = f" ({self.reason})" if self.shows_reason and self.reason else ""
         parts = [f"[{self.code}] {self.message.rstrip('.')}{reason}."]
         if self.valid:
-            shown = ", ".join(self.valid[: self.shown_values])
-            more = len(self.valid) - self.shown_values
+            rest = len(self.valid) - self.shown_values
+            shown = ", ".join(self.valid if rest == 1 else self.valid[: self.shown_values])
+            more = 0 if rest == 1 else rest
             parts.append(f"Valid: {shown}{f' and {more} more' if more > 0 else ''}.")
         step = self.next_step.rstrip(".")
         if following is not None:
@@ -122,7 +123,7 @@ class InvalidRequest(PlannerForgeError):
 
 
 class UnknownName(InvalidRequest):
-    """A name or id that does not exist; ``valid`` lists the nearest ones first."""
+    """A name or id that does not exist; ``valid`` lists the nearest names first."""
 
     code = "unknown_name"
     names_valid = True
@@ -147,7 +148,7 @@ class Faults:
     """The faults of a call, collected so that one error reports them all."""
 
     _MOST_VALUES: ClassVar[int] = 5
-    _MOST_TOLD: ClassVar[int] = 8
+    _MOST_LISTED: ClassVar[int] = 8
 
     def __init__(self) -> None:
         self._found: list[InvalidRequest] = []
@@ -168,16 +169,17 @@ class Faults:
         """Raise the collected faults as one error, if there are any.
 
         Raises:
-            InvalidRequest: with the class and reason of the first fault, and the valid values of all faults.
+            InvalidRequest: there are faults; the error has the class and reason of the first fault, and the valid
+                values of all.
         """
         if not self._found:
             return
         first = self._found[0]
         if len(self._found) == 1:
             raise first
-        shown = [self._fault_text(error) for error in self._found[: self._MOST_TOLD]]
+        shown = [self._fault_text(error) for error in self._found[: self._MOST_LISTED]]
         more = len(self._found) - len(shown)
-        steps = dict.fromkeys(error.next_step for error in self._found[: self._MOST_TOLD])
+        steps = dict.fromkeys(error.next_step for error in self._found[: self._MOST_LISTED])
         together = type(first)(
             f"{len(self._found)} errors: {'; '.join(shown)}{f'; and {more} more' if more else ''}",
             next_step="; ".join(steps),
@@ -222,7 +224,7 @@ class _Collecting:
 
 
 def _common_remedies(faults: Sequence[InvalidRequest]) -> list[Remedy]:
-    """Return one remedy for all faults: the first change from each of them, otherwise the first call."""
+    """Return one remedy for all faults: the first change from each fault, otherwise the first call."""
     changing = [next((remedy for remedy in fault.remedies if remedy.changes), None) for fault in faults]
     if all(remedy is not None for remedy in changing):
         return [Remedy(tuple(change for remedy in changing if remedy is not None for change in remedy.changes))]
@@ -294,7 +296,7 @@ class UnexpectedFailure(PlannerForgeError):
         )
 
 
-def as_told(raised: Exception, what: str) -> PlannerForgeError:
+def error_to_report(raised: Exception, what: str) -> PlannerForgeError:
     """Return the error to report for an exception: the exception itself, a disk or memory failure, or a defect.
 
     From errors that tasks raised together, return the first that helps the caller.

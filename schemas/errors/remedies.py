@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, field, replace
 from difflib import SequenceMatcher
 from typing import Any
 
-from ..text import cited_parts
+from ..text import cited_parts, quoted
 
 SHOWN_CALL = 400
 """The maximum length of a call that a refusal writes out in full (chosen). For a longer call, it writes the changes."""
@@ -51,7 +51,7 @@ class Remedy:
         return replace(self, changes=changes)
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain values, which :meth:`of_json` reads."""
+        """Return plain values that :meth:`of_json` reads back."""
         return asdict(self)
 
     @classmethod
@@ -64,7 +64,7 @@ class Remedy:
 
 
 def instead(word: str, other: object, *fields: str) -> Remedy:
-    """Return the call with a word replaced; ``fields`` are the only ones that contain it, if known."""
+    """Return the call with a word replaced; ``fields`` are the only fields that contain it, if known."""
     return Remedy((Change(words={word: str(other)}, fields=fields),))
 
 
@@ -137,22 +137,33 @@ def _is_likely_misspelling(word: str, name: str) -> bool:
 
 @dataclass(frozen=True)
 class NextCall:
-    """A whole call; ``changed`` lists the differences from the refused one, by path (None if removed)."""
+    """A whole call; ``changed`` lists the differences from the refused one, by path (None if removed).
+
+    ``dropped`` lists what the refused call has and this one lacks, so that the text can say so.
+    """
 
     tool: str
     arguments: Mapping[str, Any]
     changed: Mapping[str, Any] | None = None
+    dropped: tuple[str, ...] = ()
+
+    @classmethod
+    def again(cls, tool: str, given: Mapping[str, Any], arguments: Mapping[str, Any]) -> "NextCall":
+        """Return the same call with other arguments."""
+        return cls(tool, arguments, dict(differences(given, arguments)), tuple(_dropped(given, arguments)))
 
     @property
     def text(self) -> str:
-        """Return the call in words: ``call again with {…}``, or ``call describe_scenario with {…}``."""
+        """The call in words: ``call again with {…}``, or ``call describe_scenario with {…}``."""
         name = "again" if self.changed is not None else self.tool
         arguments = cited_parts(dict(self.arguments))
         if self.changed is not None:  # what the caller wrote stays as it was written
             arguments = _cite_new_texts(self.arguments, arguments, set(_texts(dict(self.changed))))
         whole = json.dumps(arguments, ensure_ascii=False)
         if self.changed is None or len(whole) <= SHOWN_CALL:
-            return f"call {name} with {whole}" if self.arguments or self.changed is not None else f"call {name}"
+            without = f" (without {', '.join(self.dropped)})" if self.dropped else ""
+            has_arguments = self.arguments or self.changed is not None
+            return f"call {name} with {whole}{without}" if has_arguments else f"call {name}"
         parts = [
             f"without {path}" if value is None else f"{path}={json.dumps(cited_parts(value), ensure_ascii=False)}"
             for path, value in self.changed.items()
@@ -211,7 +222,7 @@ def followed(remedy: Remedy, tool: str, given: Mapping[str, Any]) -> NextCall | 
             holder.update(replaced)
     if arguments == given:
         return None
-    return NextCall(tool, arguments, dict(differences(given, arguments)))
+    return NextCall.again(tool, given, arguments)
 
 
 def differences(before: Any, after: Any, path: str = "") -> list[tuple[str, Any]]:
@@ -228,6 +239,28 @@ def differences(before: Any, after: Any, path: str = "") -> list[tuple[str, Any]
         pairs = enumerate(zip(before, after, strict=True))
         return [found for index, (old, new) in pairs for found in differences(old, new, f"{path}[{index}]")]
     return [(path, after)]
+
+
+def _dropped(before: Any, after: Any, path: str = "") -> Iterator[str]:
+    """Yield the names of fields that are removed without a replacement, and the removed texts of lists."""
+    if isinstance(before, Mapping) and isinstance(after, Mapping):
+        is_replaced = bool(after.keys() - before.keys())
+        for name, value in before.items():
+            where = f"{path}.{name}" if path else name
+            if name in after:
+                yield from _dropped(value, after[name], where)
+            elif not is_replaced:
+                yield where
+    elif isinstance(before, list) and isinstance(after, list):
+        if len(before) == len(after):
+            for index, (old, new) in enumerate(zip(before, after, strict=True)):
+                yield from _dropped(old, new, f"{path}[{index}]")
+        elif len(before) > len(after):
+            yield from (f"{path} {quoted(one)}" for one in before if one not in after and not isinstance(one, Mapping))
+    elif isinstance(before, str) and isinstance(after, str) and after and before.startswith(after):
+        rest = before.removeprefix(after)
+        if rest and not rest[0].isalnum():  # a condition without its value, not a corrected word
+            yield f"{path} {quoted(rest)}"
 
 
 def _with_word(value: Any, word: str, other: str) -> Any:

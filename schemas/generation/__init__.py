@@ -26,14 +26,14 @@ from .specification import USUAL_EGO as USUAL_EGO
 from .specification import USUAL_GOAL as USUAL_GOAL
 from .specification import WEATHER_WORDS as WEATHER_WORDS
 from .specification import WEATHERS as WEATHERS
-from .specification import AskedEgo as AskedEgo
-from .specification import AskedGoal as AskedGoal
-from .specification import AskedManoeuvre as AskedManoeuvre
 from .specification import Density as Density
 from .specification import GenerationRequest as GenerationRequest
 from .specification import GenerationSpec as GenerationSpec
 from .specification import LaneletGoal as LaneletGoal
 from .specification import MapChoice as MapChoice
+from .specification import RequestedEgo as RequestedEgo
+from .specification import RequestedGoal as RequestedGoal
+from .specification import RequestedManoeuvre as RequestedManoeuvre
 from .specification import RoadFlow as RoadFlow
 from .specification import ScenarioSpec as ScenarioSpec
 from .specification import ScenarioType as ScenarioType
@@ -64,7 +64,7 @@ class PlaceArea(Model):
     radius_m: float
 
 
-MAP_FACTS_VERSION = 5
+MAP_FACTS_VERSION = 6
 """The version of map facts. Raise it if more is read from a map, or if sites are counted differently: workspaces then
 read their maps again."""
 
@@ -267,13 +267,13 @@ Combination = tuple[tuple[int, int], ...]
 
 
 class PlanFactor(Model):
-    """A factor that a coverage plan varies, and its levels as written in a call."""
+    """A factor that a coverage plan varies, and its levels in the notation of a call."""
 
     name: str
     levels: tuple[str, ...]
 
     def text(self, level: int) -> str:
-        """Return a level as it is written in a call, such as ``density=high``."""
+        """Return a level in the notation of a call, such as ``density=high``."""
         return f"{self.name.partition(' ')[0]}={self.levels[level]}"
 
 
@@ -281,7 +281,7 @@ class CoverageRequest(Model):
     """The progress of a coverage plan, and a request for its next ``most`` rows.
 
     ``strength`` is the number of factors in a combination. ``barred`` are combinations of any size that no map has.
-    ``covered`` are finished ones. ``refused`` counts refusals by combination. ``lap`` is how often
+    ``covered`` are finished combinations. ``refused`` counts refusals by combination. ``lap`` is how often
     everything has already been covered; further rows are varied by it.
     """
 
@@ -343,7 +343,7 @@ class GeneratedEgo(Model):
 
 
 class DensityFacts(Model):
-    """Vehicles per lane-kilometre of the cut: requested, at step 0, and at the last step.
+    """Vehicles per kilometre of lane in the cut map: requested, at step 0, and at the last step.
 
     CommonRoad's schema lets obstacles begin only at step 0, so traffic thins out as vehicles leave. ``paper_trips`` is
     the number in the paper's scenarios of that density. ``at_time`` is the time of day that set the density instead of
@@ -359,8 +359,8 @@ class DensityFacts(Model):
     at_time: str = ""
 
     @property
-    def asked(self) -> str:
-        """What set the requested density: a word, or a time of day."""
+    def requested(self) -> str:
+        """The source of the requested density: a word, or a time of day."""
         return self.at_time or f"{self.wish} density"
 
 
@@ -404,10 +404,10 @@ ABSENCE_REASONS: Mapping[AbsenceCode, str] = MappingProxyType(
 
 
 class VehicleAbsence(Model):
-    """Requested road users of one class that are missing or different, and why.
+    """Requested road users of one class that are missing or different, and the reason.
 
     ``fate`` says whether they were missing at the start, were left out of SUMO's recording, or were replaced.
-    ``vehicles`` lists SUMO's ids of those that were present.
+    ``vehicles`` lists the SUMO ids of those that were present.
     """
 
     fate: AbsenceFate = Field(description="what happened to them")
@@ -418,7 +418,7 @@ class VehicleAbsence(Model):
     reason: str = Field(description="reason in words")
 
     def in_words(self) -> str:
-        """Return the number and class, what happened to them, and why."""
+        """Return the number and class, what happened to the road users, and the reason."""
         return f"{counted(self.count, self.vehicle_class)} {self.fate.replace('_', ' ')} ({self.code}): {self.reason}"
 
 
@@ -533,7 +533,7 @@ class ScenarioSummary(Model):
 
     @property
     def traffic(self) -> str:
-        """Return the ego and the others by class, and the number requested if it differs."""
+        """The ego and the others by class, and the number requested if it differs."""
         on_foot = self.classes_realised.get("pedestrian", 0)
         vehicles = {name: count for name, count in self.classes_realised.items() if name != "pedestrian"}
         classes = ", ".join(["the ego", *(counted(count, name) for name, count in vehicles.items())])
@@ -544,12 +544,12 @@ class ScenarioSummary(Model):
 
     @property
     def missing(self) -> list[str]:
-        """Return why requested road users are missing, one line each. Replaced ones are not missing."""
+        """Why requested road users are missing, one line each."""
         return [f"Missing: {absence.in_words()}." for absence in self.absences if absence.fate != "replaced"]
 
     @property
     def where(self) -> str:
-        """Return the site, its map, and its coordinates."""
+        """The site, its map, and its coordinates."""
         osm = f", OSM {self.osm_id}" if self.osm_id else ""
         return f"{self.site}, {cited(self.place)} ({self.map_id}, {self.latitude:.5f}, {self.longitude:.5f}{osm})"
 
@@ -599,7 +599,7 @@ class PlanRecord(Model):
 
 
 class CannotBe(Model):
-    """A combination that cannot be generated, and why."""
+    """A combination that cannot be generated, and the reason."""
 
     combination: str = Field(description="values requested together")
     reason: str = Field(description="why it is impossible")
@@ -609,8 +609,8 @@ class PlanSummary(Model):
     """The progress of a coverage plan.
 
     ``asked`` is the requested number of scenarios, or None for as many as the combinations need. ``made`` counts the
-    plan's scenarios, including ``reused`` older ones. Of the combinations ``allowed`` by the maps, ``covered`` have a
-    scenario. ``left`` and ``cannot`` list the first open and the first impossible combinations.
+    plan's scenarios, including ``reused`` older scenarios. Of the combinations ``allowed`` by the maps, ``covered``
+    have a scenario. ``left`` and ``cannot`` list the first open and the first impossible combinations.
     """
 
     plan_id: str
@@ -633,9 +633,9 @@ class PlanSummary(Model):
         """Return what was generated and where, what is impossible, and what is left, one line each."""
         tried = [f"{counted(self.refused, 'try')} refused"] if self.refused else []
         lost = [f"{self.failed} failed"] if self.failed else []
-        where = [f"{shown_name(place)} {count}" for place, count in list(self.places.items())[:_SHOWN_PLACES]]
+        where = [f"{count} in {shown_name(place)}" for place, count in list(self.places.items())[:_SHOWN_PLACES]]
         more = len(self.places) - len(where)
-        there = [f"at {', '.join(where)}{f' and {more} more places' if more > 0 else ''}"] if where else []
+        there = [f"{', '.join(where)}{f' and {more} more at other places' if more > 0 else ''}"] if where else []
         made = "; ".join([*there, *tried, *lost])
         cannot = [f"{one.combination} ({one.reason})" for one in self.cannot[:_SHOWN_CANNOT]]
         return [
@@ -647,17 +647,17 @@ class PlanSummary(Model):
     @property
     def headline(self) -> str:
         """The number of scenarios, and the share of covered combinations."""
-        asked = f" of {self.asked:,}" if self.asked is not None else ""
+        requested = f" of {self.asked:,}" if self.asked is not None else ""
         before = f" ({self.reused:,} stored before)" if self.reused else ""
         share = self.covered / self.allowed if self.allowed else 1.0
         return (
-            f"{self.plan_id}: {self.made:,}{asked} scenarios{before}; {share:.1%} of the {self.strength}-way "
+            f"{self.plan_id}: {self.made:,}{requested} scenarios{before}; {share:.1%} of the {self.strength}-way "
             f"combinations that the maps allow ({self.covered:,} of {self.allowed:,})."
         )
 
 
 def _cut(label: str, texts: list[str], total: int) -> str:
-    """Return a line with some of ``total`` combinations."""
+    """Return a line with the listed combinations and, if ``total`` is larger, the number of the others."""
     more = f"; {total - len(texts):,} more" if total > len(texts) else ""
     return f"{label}: {counted(total, 'combination')}: {'; '.join(texts)}{more}."
 
@@ -703,5 +703,5 @@ class GenerateScenariosResult(Result):
     def _following(self) -> str:
         """Return the next call: a run of the scenarios that the built-in planners can drive."""
         driven = [made.scenario_id for made in self.scenarios if not made.planners_refuse]
-        more = " and so on" if len(driven) > 2 else ""
+        more = f" and {len(driven) - 2} more" if len(driven) > 2 else ""
         return f"run_planner with scenarios {driven[:2]}{more}" if driven else DRIVEN_OTHERWISE

@@ -44,7 +44,7 @@ TURNS_AT: Mapping[SiteType, tuple[Turn, ...]] = MappingProxyType(
 NATURAL_SHARES: Mapping[str, float] = MappingProxyType({"delivery": 0.101, "truck": 0.022, "bus": 0.0025})
 """Shares of all motor vehicles in use, by class: 28.0 million vans, 6.2 million lorries and 0.69 million buses,
 compared with 242.7 million cars (:data:`SHARES_SOURCE`). No count is known here for the other classes."""
-SHARES_SOURCE = "ACEA, Vehicles in use in Europe: EU, 2019"
+SHARES_SOURCE = "carmakers' association ACEA, Vehicles in use in Europe, 2019"
 
 
 class VehicleDemand(Model):
@@ -173,8 +173,18 @@ class LaneletGoal:
     size_m: tuple[float, float] | None
 
 
+def _nearest_goals(text: str) -> list[str]:
+    """Return the goal that an invalid one probably means: a turn without its form, or the nearest number."""
+    if (turn := text.strip().lower().replace(" ", "_")) in get_args(Turn):
+        return [f"{THROUGH}:{turn}"]
+    for form, least, most in (("steps", 10, 1000), ("distance_m", 5, 2000)):
+        if (match := re.fullmatch(rf"{form}:(\d{{1,9}})(?:\.\d+)?", text)) is not None:
+            return [f"{form}:{min(max(int(match[1]), least), most)}"]
+    return []
+
+
 @dataclass(frozen=True)
-class AskedGoal:
+class RequestedGoal:
     """The requested goal: after some steps, after a distance in m on the ego's path, on a lanelet, or beyond the site.
 
     ``turn`` is the ego's turn at the site if the goal is beyond it, or None for any turn. ``text`` is the original
@@ -188,11 +198,12 @@ class AskedGoal:
     turn: Turn | None = None
 
     @classmethod
-    def of(cls, text: str) -> "AskedGoal":
+    def of(cls, text: str) -> "RequestedGoal":
         """Parse ``through[:TURN]``, ``steps:N``, ``distance_m:X`` or ``lanelet:ID[:POSITION[:LENGTHxWIDTH]]``.
 
         Raises:
-            InvalidRequest: none of these, or outside 10 … 1000 steps, 5 … 2000 m, or a rectangle of 0.5 … 500 m.
+            InvalidRequest: the text has none of these forms, or a value is outside 10 … 1000 steps, 5 … 2000 m, or a
+                rectangle of 0.5 … 500 m.
         """
         if text == THROUGH:
             return cls(text)
@@ -210,11 +221,15 @@ class AskedGoal:
                 size = (0.0, 0.0)
             if size is None or all(0.5 <= side <= 500 for side in size):
                 return cls(text, lanelet=LaneletGoal(int(match[1]), match[2] or MIDDLE, size))
-        raise InvalidRequest(f"goal {text!r} cannot be parsed", valid=GOAL_FORMS, remedies=[with_values(goal=None)])
+        raise InvalidRequest(
+            f"goal {text!r} is not in a valid form or range",
+            valid=GOAL_FORMS,
+            remedies=[*(with_values(goal=near) for near in _nearest_goals(text)), with_values(goal=None)],
+        )
 
     @property
     def is_through(self) -> bool:
-        """Return whether the goal is beyond the site."""
+        """Whether the goal is beyond the site."""
         return self.steps is None and self.distance_m is None and self.lanelet is None
 
     def __str__(self) -> str:
@@ -230,7 +245,7 @@ class AskedGoal:
 
 
 @dataclass(frozen=True)
-class AskedEgo:
+class RequestedEgo:
     """The requested ego: the car with an index (None: any), or any vehicle of ``vehicle_class``.
 
     ``other_class`` is a requested class that an ego cannot have, so a car is used instead. ``text`` is the original
@@ -243,11 +258,11 @@ class AskedEgo:
     other_class: str | None = None
 
     @classmethod
-    def of(cls, text: str) -> "AskedEgo":
+    def of(cls, text: str) -> "RequestedEgo":
         """Parse ``first``, ``index:N`` or ``type:CLASS``.
 
         Raises:
-            InvalidRequest: none of these.
+            InvalidRequest: the text has none of these forms.
         """
         match = re.fullmatch(r"first|index:(\d{1,3})|type:([a-z_]{1,30})", text)
         if match is None:
@@ -258,7 +273,7 @@ class AskedEgo:
         return cls(text, int(index) if index else None, other_class=name)
 
     @property
-    def asked_class(self) -> str | None:
+    def requested_class(self) -> str | None:
         """The requested class, whether or not an ego can have it, or None if no class is requested."""
         return self.other_class or (self.vehicle_class if self.text.startswith("type:") else None)
 
@@ -267,20 +282,20 @@ class AskedEgo:
 
 
 @dataclass(frozen=True)
-class AskedManoeuvre:
+class RequestedManoeuvre:
     """The requested manoeuvre of another road user, and the class that performs it (None: any class)."""
 
     name: str
     vehicle_class: str | None = None
 
     @classmethod
-    def of(cls, text: str) -> "AskedManoeuvre | None":
+    def of(cls, text: str) -> "RequestedManoeuvre | None":
         """Parse ``name`` or ``name:class``; return None if the text is empty."""
         name, _, vehicle_class = text.partition(":")
         return cls(name, vehicle_class or None) if name else None
 
     @property
-    def of_any_class(self) -> "AskedManoeuvre":
+    def of_any_class(self) -> "RequestedManoeuvre":
         """The same manoeuvre by any class."""
         return replace(self, vehicle_class=None)
 
@@ -294,9 +309,9 @@ def _read_by(read: Callable[[str], Any]) -> PlainValidator:
 
 
 _AS_TEXT = PlainSerializer(str, return_type=str)
-Goal = Annotated[AskedGoal, _read_by(AskedGoal.of), _AS_TEXT]
-Ego = Annotated[AskedEgo, _read_by(AskedEgo.of), _AS_TEXT]
-Manoeuvre = Annotated[AskedManoeuvre | None, _read_by(AskedManoeuvre.of), _AS_TEXT]
+Goal = Annotated[RequestedGoal, _read_by(RequestedGoal.of), _AS_TEXT]
+Ego = Annotated[RequestedEgo, _read_by(RequestedEgo.of), _AS_TEXT]
+Manoeuvre = Annotated[RequestedManoeuvre | None, _read_by(RequestedManoeuvre.of), _AS_TEXT]
 
 
 class ScenarioSpec(Model):
@@ -314,8 +329,8 @@ class ScenarioSpec(Model):
     density: Density = USUAL_DENSITY
     vehicles: tuple[VehicleDemand, ...] = ()
     duration_s: float = float(USUAL_DURATION_S)
-    ego: Ego = AskedEgo()
-    goal: Goal = AskedGoal.of(USUAL_GOAL)
+    ego: Ego = RequestedEgo()
+    goal: Goal = RequestedGoal.of(USUAL_GOAL)
     seed: int = 0
     conditions: TrafficConditions | None = Field(None, exclude_if=lambda conditions: conditions is None)
     others: Manoeuvre = Field(None, exclude_if=lambda manoeuvre: manoeuvre is None)
@@ -324,7 +339,7 @@ class ScenarioSpec(Model):
         """Refuse a turn that no ego makes at a site of this type.
 
         Raises:
-            InvalidRequest: with the turns that are possible at this site.
+            InvalidRequest: no ego makes this turn there; the error lists the possible turns.
         """
         kind, turn = self.scenario_type, self.goal.turn
         if turn is not None and kind != "any" and turn not in TURNS_AT[kind]:
@@ -337,13 +352,13 @@ class ScenarioSpec(Model):
 
     @property
     def people(self) -> VehicleDemand | None:
-        """The number of pedestrians requested, or None if none are."""
+        """The number of pedestrians requested, or None."""
         requested = next((demand for demand in self.vehicles if demand.vehicle_class == "pedestrian"), None)
         return None if requested is None or requested.most == 0 else requested
 
     @property
     def on_wheels(self) -> tuple[VehicleDemand, ...]:
-        """The requested vehicles, without pedestrians."""
+        """The requested vehicles, excluding pedestrians."""
         return tuple(demand for demand in self.vehicles if demand.vehicle_class != "pedestrian")
 
 

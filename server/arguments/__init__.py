@@ -1,1 +1,1 @@
-"""The arguments of a call: reads unambiguous forms, checks them, and refuses invalid ones in one clear line."""
+"""The arguments of a call: reads unambiguous forms, checks them, and refuses invalid arguments in one clear line."""

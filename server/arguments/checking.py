@@ -130,7 +130,7 @@ def _takes_list(model: type[BaseModel], name: str) -> bool:
 
 def _explained(model: type[BaseModel], error: ValidationError, given: Mapping[str, Any]) -> InvalidRequest:
     details = error.errors(include_url=False)
-    problems = [problem_of(model, detail, "argument") for detail in details[:_SHOWN_PROBLEMS]]
+    problems = [problem_of(model, detail, "argument", ranged=False) for detail in details[:_SHOWN_PROBLEMS]]
     more = [f"and {len(details) - _SHOWN_PROBLEMS:,} more like these"] if len(details) > _SHOWN_PROBLEMS else []
     valid = [name for _, names in problems for name in names]
     corrected = _corrected(model, details, given)
@@ -174,7 +174,7 @@ def _corrected(
 
 
 def _correct_fault(model: type[BaseModel], detail: ErrorDetails, values: Any) -> bool:
-    """Replace an invalid value by the nearest valid one, or remove it; return whether that was possible."""
+    """Replace an invalid value by the nearest valid value, or remove it; return whether that was possible."""
     *holder, last = detail["loc"] or ("",)
     place: Any = values
     try:

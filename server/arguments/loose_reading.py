@@ -40,20 +40,20 @@ def read_loosely(model: type[BaseModel], given: Mapping[str, Any], where: str = 
     """Return the given values in the forms that a model's fields accept; unreadable values stay as they are."""
     reading = LooseReading()
     for name, value in given.items():
-        meant = _resolve_field(model, name, given)
-        path = f"{where}{meant}"
-        if meant != name:
+        resolved = _resolve_field(model, name, given)
+        path = f"{where}{resolved}"
+        if resolved != name:
             reading.notes.append(f"{where}{name} is read as {path}")
-        if meant not in model.model_fields:
+        if resolved not in model.model_fields:
             reading.values[name] = value
             continue
-        if value is None and not _takes_none(model.model_fields[meant].annotation):
+        if value is None and not _accepts_none(model.model_fields[resolved].annotation):
             reading.notes.append(f"{path}=null is read as not given")
             continue
-        read = _value(model.model_fields[meant].annotation, value, path, reading.notes)
+        read = _value(model.model_fields[resolved].annotation, value, path, reading.notes)
         if not _is_same(read, value):
             reading.notes.append(f"{path}={_short(value)} is read as {_short(read)}")
-        reading.values[meant] = read
+        reading.values[resolved] = read
     return reading
 
 
@@ -85,7 +85,7 @@ def _arms(annotation: Any) -> tuple[Any, ...]:
     return get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
 
 
-def _takes_none(annotation: Any) -> bool:
+def _accepts_none(annotation: Any) -> bool:
     return type(None) in _arms(annotation)
 
 

@@ -19,8 +19,7 @@ from ...schemas.errors import (
     PlannerForgeError,
     Remedy,
     UnexpectedFailure,
-    as_told,
-    differences,
+    error_to_report,
     followed,
     with_values,
 )
@@ -62,7 +61,7 @@ async def proposed_call(
         with anyio.move_on_after(TRYING_S):
             mended = await _Correction(spec, read, call).first_that_works(error)
     if mended is not None:
-        return NextCall(spec.name, mended, dict(differences(read, mended)))
+        return NextCall.again(spec.name, read, mended)
     return _look_up(error, spec, read, call, tools)
 
 
@@ -115,10 +114,10 @@ class _Correction:
         try:
             await self.spec.load_function()(arguments.model_copy(update=dict(self.spec.trial)), self.call.trial())
         except Exception as raised:
-            told = as_told(raised, self.spec.name)
-            if isinstance(told, UnexpectedFailure):
-                logger.error("incident %s:\n%s", told.incident, told.details)  # noqa: TRY400 - it holds the traceback
-            raise told from raised
+            failure = error_to_report(raised, self.spec.name)
+            if isinstance(failure, UnexpectedFailure):
+                logger.error("incident %s:\n%s", failure.incident, failure.details)  # noqa: TRY400 - it holds the traceback
+            raise failure from raised
 
 
 def _look_up(
@@ -140,7 +139,9 @@ def _look_up(
         except PlannerForgeError:
             continue
         written = _written(arguments)
-        return replace(following, arguments=written, changed=following.changed and dict(differences(read, written)))
+        if following.changed is None:
+            return replace(following, arguments=written)
+        return NextCall.again(following.tool, read, written)
     return None
 
 

@@ -228,7 +228,8 @@ class _IssuerKeys:
         """Return the key with this id, or the only one if a token has no key id.
 
         Raises:
-            jwt.PyJWTError: there is no such key, or the keys are invalid. httpx.HTTPError: they cannot be fetched.
+            jwt.PyJWTError: there is no such key, or the keys are invalid.
+            httpx.HTTPError: they cannot be fetched.
             ValueError: the response is not JSON.
         """
         with self._lock:
@@ -291,7 +292,7 @@ def _scopes(claims: dict[str, Any]) -> list[str]:
 
 
 class EitherTokens(TokenVerifier):
-    """Accepts tokens of either kind."""
+    """Accepts this server's own tokens, and tokens that an OAuth authorization server issued."""
 
     def __init__(self, own: OwnTokens, issued: IssuedTokens) -> None:
         self._own, self._issued = own, issued

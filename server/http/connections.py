@@ -5,7 +5,7 @@ cheap: its bytes, lines and time are limited, and so is everything between and a
 chunks, their extensions, trailers). Uvicorn's protocol on httptools has none of these limits.
 
 Descriptors are limited too. If they run short, the connection that has waited longest for its next request is closed,
-so that an idle client gives way to an active one.
+so that an idle client gives way to an active client.
 """
 
 import asyncio
@@ -210,7 +210,7 @@ class BoundedProtocol(HttpToolsProtocol):
             super().on_message_complete()
 
     def on_response_complete(self) -> None:
-        """Wait for the next request; if the body of this one is still arriving, only for a while."""
+        """Wait for the next request; if the body of this request is still arriving, only for a while."""
         super().on_response_complete()
         if self.transport.is_closing() or self.pipeline:
             return
@@ -238,13 +238,13 @@ class BoundedProtocol(HttpToolsProtocol):
                 timer.cancel()
         self._deadline = self._linger = None
 
-    def _refuse(self, status: int, told: str) -> None:
+    def _refuse(self, status: int, text: str) -> None:
         """Answer, unless an answer is already being sent on this connection, and close."""
         self._stop_timers()
         if self.transport.is_closing():
             return
         if self.cycle is None or self.cycle.response_complete:
-            body = f"{told}\n".encode()
+            body = f"{text}\n".encode()
             reason = {400: "Bad Request", 408: "Request Timeout", 431: "Request Header Fields Too Large"}[status]
             lines = (
                 f"HTTP/1.1 {status} {reason}",

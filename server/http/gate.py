@@ -32,7 +32,7 @@ client with all of its calls in progress can cancel one. Chosen.
 _LISTENING = {"subscriptions/listen"}
 """Requests that stay open and wait for news, like a GET in earlier revisions."""
 _UNDECLARED = math.inf
-_TOLD = {
+_REFUSAL_TEXTS = {
     403: "this Origin is not allowed; if it is yours, add it to http_origins",
     421: "this Host is not allowed; if it is yours, add it to http_hosts",
 }
@@ -132,7 +132,7 @@ class Gate:
         """Return why a request is refused for its Host, Origin or length, which are known before its body is read."""
         refused = await self._headers.validate_request(Request(scope))
         if refused is not None:
-            return _Refusal(refused.status_code, _TOLD[refused.status_code])
+            return _Refusal(refused.status_code, _REFUSAL_TEXTS[refused.status_code])
         most = self._limits.body_bytes
         return _too_long(most) if _UNDECLARED > _declared_bytes(Headers(scope=scope)) > most else None
 
@@ -153,13 +153,13 @@ class Gate:
             return _STOPPING
         if client.tokens < 1.0:
             wait_s = max(1, round((1.0 - client.tokens) / self._limits.per_s))
-            told = f"more than {self._limits.per_s:g} requests per second; the setting http_rate changes the limit"
-            return _Refusal(429, told, wait_s)
+            reason = f"more than {self._limits.per_s:g} requests per second; the setting http_rate changes the limit"
+            return _Refusal(429, reason, wait_s)
         if is_stream and client.streams >= _MOST_STREAMS:
             return _Refusal(429, f"{_MOST_STREAMS} news streams are already open; close one first", 1)
         if not is_stream and client.calls >= self._limits.calls + (_MORE_SHORT if is_short else 0):
-            told = f"{self._limits.calls} requests are already in progress; the setting http_calls changes the limit"
-            return _Refusal(429, told, 1)
+            reason = f"{self._limits.calls} requests are already in progress; the setting http_calls changes the limit"
+            return _Refusal(429, reason, 1)
         client.tokens -= 1.0
         return None
 
@@ -189,12 +189,12 @@ class _Refusal:
     """The refusal of a request, as JSON-RPC, so that a client shows it like any other error."""
 
     status: int
-    told: str
+    reason: str
     wait_s: int | None = None
 
     async def send(self, send: Send) -> None:
         code = INVALID_REQUEST if self.status < 500 else INTERNAL_ERROR
-        error = {"code": code, "message": f"[http_{self.status}] {self.told}."}
+        error = {"code": code, "message": f"[http_{self.status}] {self.reason}."}
         body = json.dumps({"jsonrpc": "2.0", "id": None, "error": error}).encode()
         headers = [(b"content-type", b"application/json"), (b"content-length", str(len(body)).encode())]
         if self.wait_s is not None:

@@ -86,7 +86,7 @@ class HttpServer:
                 next_step="`plannerforge token NAME` creates one for the file in http_token_file; or set oauth_issuer",
             )
         most_bytes = settings.http_body_mb * 1024**2
-        let_in = _let_in(settings)
+        let_in = _accepted_headers(settings)
         self._sessions = StreamableHTTPSessionManager(
             app=server.protocol,
             security_settings=let_in,
@@ -167,7 +167,7 @@ class _Readiness:
         self._can_read, self._looked_at = False, -math.inf
 
     async def answer(self, request: Request) -> JSONResponse:
-        """Return 200 or 503."""
+        """Return status 200 if the server is ready, otherwise 503."""
         del request
         is_ready = self._gate.is_open and await self._reads() and self._gate.is_open
         if is_ready:
@@ -241,12 +241,12 @@ class _Authentication:
 
 
 def _as_written(url: str) -> AnyHttpUrl:
-    """Return a URL without an added slash: clients compare issuers letter by letter (RFC 8414, section 3.3)."""
+    """Return a URL without an added slash: clients compare issuers character by character (RFC 8414, section 3.3)."""
     adapter = TypeAdapter(AnyHttpUrl, config=ConfigDict(url_preserve_empty_path=True))
     return adapter.validate_python(url)
 
 
-def _let_in(settings: Settings) -> TransportSecuritySettings:
+def _accepted_headers(settings: Settings) -> TransportSecuritySettings:
     """Return the accepted Host and Origin headers: of this machine, of the bound address, and those in the settings.
 
     Raises:

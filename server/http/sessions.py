@@ -51,8 +51,8 @@ class BoundedSessions:
         headers, owner = Headers(scope=scope), principal_of(scope)
         session_id = headers.get(MCP_SESSION_ID_HEADER)
         if session_id is None and _begins_session(scope, headers) and not await self._has_room(owner, scope):
-            told = f"{self._most} sessions of this token have requests in progress; end one of them, or wait"
-            error = {"code": INTERNAL_ERROR, "message": f"[http_503] {told}."}
+            reason = f"{self._most} sessions of this token have requests in progress; end one of them, or wait"
+            error = {"code": INTERNAL_ERROR, "message": f"[http_503] {reason}."}
             body = {"jsonrpc": "2.0", "id": None, "error": error}
             await JSONResponse(body, 503, {"retry-after": str(_WAIT_S)})(scope, receive, send)
             return
@@ -72,16 +72,16 @@ class BoundedSessions:
             session.under_way -= 1
             session.used_at = time.monotonic()
 
-    def _noting(self, owner: str, send: Send, asked: str | None) -> Send:
+    def _noting(self, owner: str, send: Send, session_id: str | None) -> Send:
         """Return a channel that records the session that an answer begins, or reports as gone."""
 
         async def noting(message: Message) -> None:
             if message["type"] == "http.response.start":
                 given = Headers(raw=list(message.get("headers", []))).get(MCP_SESSION_ID_HEADER)
-                if asked is None and given is not None and message["status"] < 300:
+                if session_id is None and given is not None and message["status"] < 300:
                     self._by_owner.setdefault(owner, OrderedDict())[given] = _Session(time.monotonic())
-                elif asked is not None and message["status"] == 404:
-                    self._forget(owner, asked)
+                elif session_id is not None and message["status"] == 404:
+                    self._forget(owner, session_id)
             await send(message)
 
         return noting

@@ -19,7 +19,7 @@ from typing import Any
 from mcp.types import CallToolResult
 
 from ...engine.workspace import make_private
-from ...schemas.errors import as_told
+from ...schemas.errors import error_to_report
 from ...schemas.text import LONGEST_TEXT, one_line, quoted
 from ..tokens import count_tokens, has_tables
 from ..tool_calls import answer_text
@@ -60,14 +60,14 @@ class _JournalledCall:
     def entry(self, count: Callable[[str], int | None]) -> dict[str, Any]:
         """Return the journal's entry; ``count`` returns tokens, or None if they are not counted."""
         text, structured, failed = answer_text(self.result), self.result.structured_content, bool(self.result.is_error)
-        said = json.dumps(structured, ensure_ascii=False) if structured else text
+        answer = json.dumps(structured, ensure_ascii=False) if structured else text
         return {
             "time": self.time,
             "call_id": self.call_id,
             "client": self.client,
             "tool": self.tool,
             "arguments": self.arguments,
-            "result_ids": [] if failed else list(dict.fromkeys(_ID.findall(said)))[:_MOST_IDS],
+            "result_ids": [] if failed else list(dict.fromkeys(_ID.findall(answer)))[:_MOST_IDS],
             "duration_s": round(self.duration_s, 4),
             "result_tokens": count(text),
             "error": text if failed else "",
@@ -102,7 +102,7 @@ class Journal:
             try:
                 thread.start()
             except RuntimeError as error:  # the lines wait, and the next call tries again
-                logger.warning("the journal waits: %s", as_told(error, "the journal").text)
+                logger.warning("the journal waits: %s", error_to_report(error, "the journal").text)
             else:
                 self._thread = thread
         self._waiting.put(_JournalledCall(time, call_id, client, tool, arguments, duration_s, result))
@@ -154,7 +154,10 @@ class Journal:
 
 
 class _Appending(logging.handlers.RotatingFileHandler):
-    """Creates its folder with the first line; a line that cannot be written is logged and fails no call."""
+    """A rotating log file that creates its folder with the first line.
+
+    A line that cannot be written is logged, and the call succeeds.
+    """
 
     def _open(self) -> TextIOWrapper:
         path = Path(self.baseFilename)

@@ -1,6 +1,6 @@
-"""The log on standard error, as lines of text or JSON: each call, and other events with their call.
+"""The log on standard error, as lines of text or JSON: every call, and other events with the call they belong to.
 
-No line contains arguments or results, which the journal has, or apparent secrets.
+The lines contain no arguments, no results (the journal has those) and nothing that looks like a secret.
 """
 
 import json

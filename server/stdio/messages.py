@@ -61,7 +61,7 @@ class ReadableMessages:
             anyio.EndOfStream: there are no more.
         """
         while isinstance(item := await self._incoming.receive(), Exception):
-            await self._tell(item)
+            await self._report_unreadable(item)
         return item
 
     async def aclose(self) -> None:
@@ -90,7 +90,7 @@ class ReadableMessages:
     ) -> None:
         await self.aclose()
 
-    async def _tell(self, raised: Exception) -> None:
+    async def _report_unreadable(self, raised: Exception) -> None:
         error = await anyio.to_thread.run_sync(unreadable, raised)
         if error is None:
             logger.warning("a message could not be read: %s", one_line(str(raised)))

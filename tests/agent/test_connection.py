@@ -45,13 +45,13 @@ async def test_a_server_behind_an_address_is_spoken_to_as_any_other() -> None:
 
 
 @pytest.mark.parametrize("server", ["http://127.0.0.1:9/mcp", StdioServerParameters(command="/no/such/program")])
-async def test_a_server_that_is_not_there_is_told(server: Server) -> None:
+async def test_a_missing_server_is_reported(server: Server) -> None:
     with pytest.raises(ToolServerGone, match=r"cannot be reached: .*Next: check that its command or address is right"):
         async with ToolConnection.open(server):
             pass
 
 
-async def test_what_a_program_writes_to_standard_error_is_kept_in_the_log(tmp_path: Path) -> None:
+async def test_standard_error_of_a_program_is_kept_in_the_log(tmp_path: Path) -> None:
     log = tmp_path / "logs" / "server.log"
     program = StdioServerParameters(command=sys.executable, args=["-c", "import sys; sys.exit('no licence')"])
     with pytest.raises(ToolServerGone, match=r"check that .*, and the log .*server\.log"):
@@ -81,7 +81,7 @@ async def test_the_own_server_starts_with_the_settings_of_this_process(
     assert empty.structured["scenarios"] == 0
 
 
-async def test_an_answer_without_a_text_is_its_structure_or_said_to_be_empty() -> None:
+async def test_an_answer_without_text_is_its_structure_or_called_empty() -> None:
     assert shown_to_model(ToolAnswer("", {}, is_error=False), 100) == "(an empty answer)"
     pictures = (Picture(b"", "image/png"),) * 2
     assert shown_to_model(ToolAnswer("Two.", {}, False, pictures), 100) == "Two.\n[2 pictures shown to the user]"
@@ -124,7 +124,7 @@ async def test_a_schema_is_flat_and_passes_the_client_of_ollama_whole(spec: Tool
         ({"anyOf": [{"const": "car"}, {"enum": ["bus"]}]}, {"enum": ["car", "bus"]}),
     ],
 )
-async def test_a_part_of_a_schema_says_in_words_what_is_lost(schema: dict[str, Any], flat: dict[str, Any]) -> None:
+async def test_a_part_of_a_schema_states_in_words_what_is_lost(schema: dict[str, Any], flat: dict[str, Any]) -> None:
     kind = {"type": "string", "enum": ["car", "truck"], "title": "Kind"}
     whole = {"type": "object", "properties": {"part": schema}, "$defs": {"Kind": kind}}
     assert flattened(whole)["properties"]["part"] == flat

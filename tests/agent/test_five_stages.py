@@ -23,7 +23,7 @@ def recording() -> ModuleType:
 
 @pytest.mark.anyio
 @pytest.mark.usefixtures("warm_workers")
-async def test_a_chat_goes_through_five_stages(recording: ModuleType, settings: Settings, tmp_path: Path) -> None:
+async def test_a_chat_covers_five_stages(recording: ModuleType, settings: Settings, tmp_path: Path) -> None:
     results = []
     with serving("ollama", recording.script) as server:
         model = open_model("ollama:big:70b", ModelSettings(host=server.url))

@@ -25,13 +25,13 @@ async def test_a_call_is_made_and_its_answer_reaches_the_model(kind: Kind) -> No
 
 
 @pytest.mark.parametrize("written", ["functions.make_scenario", "made:make_scenario", "tools/make_scenario"])
-async def test_a_name_before_the_tools_is_taken_away(written: str) -> None:
+async def test_a_prefix_of_the_tools_names_is_removed(written: str) -> None:
     async with talk(Reply(calls=((written, {"vehicles": 2}),)), Reply("It is there.")) as talked:
         result = await talked.say("A scenario.")
     assert [(done.call.tool, done.answer.is_error) for done in result.calls] == [("make_scenario", False)]
 
 
-async def test_all_that_happens_is_shown_as_it_happens() -> None:
+async def test_all_events_are_shown_as_they_happen() -> None:
     done = Reply("Made it.", thinking="All went well.")
     async with talk(MAKE, done) as talked:
         await talked.say("A scenario.")
@@ -41,7 +41,7 @@ async def test_all_that_happens_is_shown_as_it_happens() -> None:
     assert CallProgress(talked.shown[0].call, 0.5, "placing vehicles") in talked.shown  # type: ignore[union-attr]
 
 
-async def test_the_system_message_holds_what_the_server_says_of_its_tools() -> None:
+async def test_the_system_message_contains_the_server_s_description_of_its_tools() -> None:
     async with talk(Reply("Hello.")) as talked:
         await talked.say("Hello.")
     assert "Scenarios are made by make_scenario." in talked.model_server.requests[0]["messages"][0]["content"]
@@ -53,7 +53,7 @@ async def test_ids_of_answers_are_carried_into_the_next_turn() -> None:
         await talked.say("How many vehicles has it?")
         sent = talked.model_server.requests[-1]["messages"]
     assert talked.session.state.scenario == "TST_Town-2_1_T-1"
-    assert sent[-1]["content"] == "How many vehicles has it?\n\n[Being worked on: scenario TST_Town-2_1_T-1]"
+    assert sent[-1]["content"] == "How many vehicles has it?\n\n[Working on: scenario TST_Town-2_1_T-1]"
 
 
 async def test_a_model_without_tools_makes_calls_too() -> None:
@@ -75,17 +75,17 @@ async def test_a_model_without_tools_makes_calls_too() -> None:
         ("Hello.", "answered"),
     ],
 )
-async def test_refusals_and_questions_back_are_told_apart_from_answers(text: str, ending: str) -> None:
+async def test_refusals_and_counter_questions_are_distinguished_from_answers(text: str, ending: str) -> None:
     async with talk(Reply(text)) as talked:
         assert (await talked.say("Write a poem.")).ending == ending
 
 
-async def test_an_offer_after_work_that_is_done_is_no_question_back() -> None:
+async def test_an_offer_after_finished_work_is_not_a_counter_question() -> None:
     async with talk(MAKE, Reply("It is there. Shall I run a planner on it?")) as talked:
         assert (await talked.say("A scenario.")).ending == "answered"
 
 
-async def test_waiting_for_a_job_is_no_repetition_and_takes_no_rounds() -> None:
+async def test_waiting_for_a_job_is_not_a_repetition_and_takes_no_rounds() -> None:
     look = Reply(calls=(("look_at_job", {}),))
     async with talk(*[look] * 5, Reply("The job is done."), limits=TurnLimits(rounds=3)) as talked:
         result = await talked.say("Is it done?")
@@ -93,7 +93,7 @@ async def test_waiting_for_a_job_is_no_repetition_and_takes_no_rounds() -> None:
     assert talked.session.state.job == "job_1"
 
 
-async def test_pictures_are_handed_on_and_the_model_is_told_of_them() -> None:
+async def test_pictures_are_passed_on_and_the_model_is_informed() -> None:
     async with talk(Reply(calls=(("draw", {}),)), Reply("Here it is.")) as talked:
         result = await talked.say("Draw it.")
         sent = talked.model_server.requests[1]["messages"]
@@ -117,7 +117,7 @@ async def test_a_conversation_past_its_budget_is_summarised_by_the_model() -> No
     assert "summarised" in talked.notes
 
 
-async def test_a_summary_is_asked_for_within_the_budget() -> None:
+async def test_a_summary_is_requested_within_the_budget() -> None:
     told = [Reply("word " * 100) for _ in range(20)]
     async with talk(*told, limits=TurnLimits(history_tokens=900)) as talked:
         for _ in range(20):
@@ -128,7 +128,7 @@ async def test_a_summary_is_asked_for_within_the_budget() -> None:
     assert max(len(messages[1]["content"]) for messages in summaries) < 900 * 4
 
 
-async def test_a_conversation_that_cannot_be_summarised_is_left_out_and_that_is_said() -> None:
+async def test_a_conversation_that_cannot_be_summarised_is_left_out_with_a_note() -> None:
     broken = Reply("no memory", status=500)
     async with talk(Reply("word " * 400), broken, Reply("Go on."), limits=TurnLimits(history_tokens=300)) as talked:
         await talked.say("Tell much.")
@@ -147,7 +147,7 @@ async def test_answers_of_a_long_turn_make_room_for_newer_ones() -> None:
     assert sent[5]["content"].startswith("A picture")
 
 
-async def test_a_cleared_conversation_begins_anew() -> None:
+async def test_a_cleared_conversation_begins_again() -> None:
     async with talk(MAKE, Reply("It is there."), Reply("Hello.")) as talked:
         await talked.say("A scenario.")
         talked.session.clear()

@@ -20,7 +20,7 @@ DONE = Reply("It is done.")
 
 
 @both
-async def test_an_unknown_tool_is_answered_with_those_that_there_are(kind: Kind) -> None:
+async def test_an_unknown_tool_is_answered_with_the_valid_ones(kind: Kind) -> None:
     async with talk(Reply(calls=(("create_scenario", {}),)), MAKE, DONE, kind=kind) as talked:
         result = await talked.say("A scenario.")
         assert (await talked.goes_on()).ending == "answered"
@@ -31,7 +31,7 @@ async def test_an_unknown_tool_is_answered_with_those_that_there_are(kind: Kind)
 
 
 @both
-async def test_arguments_of_wrong_types_are_answered_with_what_is_wrong(kind: Kind) -> None:
+async def test_arguments_of_wrong_types_are_answered_with_the_error(kind: Kind) -> None:
     wrong = Reply(calls=(("make_scenario", {"vehicles": "a few"}),))
     async with talk(wrong, MAKE, DONE, kind=kind) as talked:
         result = await talked.say("A scenario.")
@@ -42,7 +42,7 @@ async def test_arguments_of_wrong_types_are_answered_with_what_is_wrong(kind: Ki
 
 
 @both
-async def test_a_call_that_is_no_json_is_asked_for_again(kind: Kind) -> None:
+async def test_a_call_that_is_not_json_is_requested_again(kind: Kind) -> None:
     async with talk(Reply(calls=(("make_scenario", '{"vehicles": '),)), MAKE, DONE, kind=kind) as talked:
         result = await talked.say("A scenario.")
         asked = talked.model_server.requests[1]["messages"]
@@ -97,7 +97,7 @@ async def test_a_turn_stops_at_the_limit_of_time() -> None:
 
 
 @both
-async def test_an_empty_answer_is_asked_for_again(kind: Kind) -> None:
+async def test_an_empty_answer_is_requested_again(kind: Kind) -> None:
     async with talk(Reply(""), Reply("Here I am."), kind=kind) as talked:
         result = await talked.say("Hello?")
     assert (result.ending, result.answer) == ("answered", "Here I am.")
@@ -113,7 +113,7 @@ async def test_a_second_empty_answer_ends_the_turn() -> None:
 
 
 @both
-async def test_a_cut_stream_ends_the_turn_and_what_was_made_before_stays(kind: Kind) -> None:
+async def test_a_cut_stream_ends_the_turn_and_earlier_results_stay(kind: Kind) -> None:
     async with talk(MAKE, Reply("The scenario is", fault="cut"), kind=kind) as talked:
         result = await talked.say("A scenario.")
         assert (await talked.goes_on()).ending == "answered"
@@ -134,7 +134,7 @@ async def test_an_answer_that_cannot_be_read_ends_the_turn(kind: Kind) -> None:
 
 
 @both
-async def test_a_model_that_is_gone_in_the_middle_ends_the_turn(kind: Kind) -> None:
+async def test_a_model_that_vanishes_midway_ends_the_turn(kind: Kind) -> None:
     async with talk(MAKE, Reply("the model runner has stopped", status=500), kind=kind) as talked:
         result = await talked.say("A scenario.")
         assert (await talked.goes_on()).ending == "answered"
@@ -142,7 +142,7 @@ async def test_a_model_that_is_gone_in_the_middle_ends_the_turn(kind: Kind) -> N
     assert "the model runner has stopped" in result.problem
 
 
-async def test_a_refused_connection_ends_the_turn_with_what_to_start() -> None:
+async def test_a_refused_connection_ends_the_turn_with_the_program_to_start() -> None:
     async with talk(DONE, host="http://127.0.0.1:9") as talked:
         result = await talked.say("Hello?")
     assert result.ending == "failed"
@@ -177,7 +177,7 @@ async def test_a_huge_answer_of_the_model_is_left() -> None:
 
 
 @both
-async def test_two_calls_at_once_are_made_in_order(kind: Kind) -> None:
+async def test_two_calls_at_once_are_carried_out_in_order(kind: Kind) -> None:
     two = Reply(calls=(("make_scenario", {"vehicles": 2}), ("make_scenario", {"vehicles": 5})))
     async with talk(two, DONE, kind=kind) as talked:
         result = await talked.say("Two scenarios.")
@@ -197,7 +197,7 @@ async def test_an_error_of_a_tool_is_an_answer(kind: Kind) -> None:
     assert (result.ending, result.answer) == ("answered", "There is no road.")
 
 
-async def test_a_server_that_ends_is_told_and_started_again_with_the_next_turn() -> None:
+async def test_a_server_that_ends_is_reported_and_started_again_with_the_next_turn() -> None:
     folder = Path(tool_server.__file__).parent
     program = StdioServerParameters(command=sys.executable, args=[str(folder / "tool_server.py")])
     async with talk(Reply(calls=(("end_the_server", {}),)), server=program) as talked:
@@ -242,14 +242,14 @@ async def test_an_interrupt_while_a_tool_works_answers_the_call_for_the_model() 
     assert sent[3]["content"].startswith("[not carried out")
 
 
-async def test_an_interrupt_between_turns_does_nothing() -> None:
+async def test_an_interrupt_between_turns_has_no_effect() -> None:
     async with talk(DONE) as talked:
         talked.session.interrupt()
         assert (await talked.say("Hello.")).ending == "answered"
 
 
 @both
-async def test_thinking_without_an_end_is_left_and_the_model_asked_once_more(kind: Kind) -> None:
+async def test_endless_thinking_is_cut_and_the_model_is_queried_once_more(kind: Kind) -> None:
     async with talk(Reply(fault="endless"), Reply("Here I am."), kind=kind, answer_tokens=64) as talked:
         result = await talked.say("Hello?")
     assert (result.ending, result.answer) == ("answered", "Here I am.")
@@ -277,7 +277,7 @@ async def test_thinking_that_never_ends_ends_the_turn() -> None:
         "<function=make_scenario><parameter=vehicles>2</parameter></function>",
     ],
 )
-async def test_a_call_written_as_text_is_asked_for_as_a_call(text: str) -> None:
+async def test_a_call_written_as_text_is_requested_as_a_call(text: str) -> None:
     async with talk(Reply(text), MAKE, DONE) as talked:
         result = await talked.say("A scenario.")
         asked = talked.model_server.requests[1]["messages"]
@@ -294,13 +294,13 @@ async def test_a_call_written_as_text_is_asked_for_as_a_call(text: str) -> None:
         'It is {"vehicles": 2}.',
     ],
 )
-async def test_a_text_that_names_tools_is_no_call(text: str) -> None:
+async def test_a_text_that_names_tools_is_not_a_call(text: str) -> None:
     async with talk(Reply(text)) as talked:
         result = await talked.say("What can you do?")
     assert (result.ending, result.rounds) == ("answered", 1)
 
 
-async def test_a_call_that_stays_text_is_told_to_the_user() -> None:
+async def test_a_call_that_stays_text_is_reported_to_the_user() -> None:
     async with talk(Reply('{"name": "make_scenario", "arguments": {"vehicles": 2}}')) as talked:
         result = await talked.say("A scenario.")
         assert (await talked.goes_on()).ending == "answered"
@@ -317,7 +317,7 @@ async def test_a_call_that_stays_text_is_told_to_the_user() -> None:
         "Successfully modified the scenario.",
     ],
 )
-async def test_a_claim_without_a_call_is_asked_about_and_then_told(text: str) -> None:
+async def test_a_claim_without_a_call_is_questioned_and_then_reported(text: str) -> None:
     async with talk(Reply(text)) as talked:
         result = await talked.say("A scenario.")
         asked = talked.model_server.requests[1]["messages"]
@@ -327,7 +327,7 @@ async def test_a_claim_without_a_call_is_asked_about_and_then_told(text: str) ->
     assert "no tool was called in this turn, so nothing was done" in result.problem
 
 
-async def test_a_claim_is_made_good_by_the_call() -> None:
+async def test_a_claim_is_fulfilled_by_the_call() -> None:
     async with talk(Reply("I have generated a scenario."), MAKE, Reply("I have generated TST_Town-2_1_T-1.")) as talked:
         result = await talked.say("A scenario.")
     assert (result.ending, result.problem, len(result.calls)) == ("answered", "", 1)

@@ -26,7 +26,7 @@ def test_lines_of_the_ollama_server_are_chat_responses() -> None:
     assert [part.done for part in parts] == [False] * (len(parts) - 1) + [True]
 
 
-def test_facts_of_the_ollama_server_are_what_the_client_reads() -> None:
+def test_facts_of_the_ollama_server_match_what_the_client_reads() -> None:
     with serving("ollama", replies(FULL)) as server, ollama.Client(server.url) as client:
         shown, listed = client.show("big:70b"), client.list()
     assert shown.capabilities == ["completion", "tools", "thinking"]
@@ -47,7 +47,7 @@ def test_lines_of_the_openai_server_are_chunks() -> None:
     assert chunks[-2].choices[0].finish_reason == "tool_calls"
 
 
-def test_the_list_of_the_openai_server_holds_models() -> None:
+def test_the_openai_server_s_list_contains_models() -> None:
     with serving("openai", replies(FULL)) as server:
         data = httpx.get(f"{server.url}/v1/models").json()["data"]
     assert [Model.model_validate(entry, strict=True).id for entry in data] == ["big:70b", "plain:8b"]
@@ -64,7 +64,7 @@ def test_the_list_of_the_openai_server_holds_models() -> None:
         ("openai", "/v1/none", {"model": "plain:8b"}, 404),
     ],
 )
-def test_what_a_server_refuses_is_an_error_with_its_status(
+def test_a_server_s_refusal_is_an_error_with_its_status(
     kind: str, path: str, body: dict[str, object], status: int
 ) -> None:
     with serving(kind, replies(FULL)) as server:  # type: ignore[arg-type]

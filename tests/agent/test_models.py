@@ -79,9 +79,7 @@ async def test_text_and_thinking_come_in_pieces_and_tokens_at_the_end(kind: Kind
         ("<think>a </thin b</think>c", "a </thin b", "c"),
     ],
 )
-async def test_thinking_that_stands_in_the_text_is_told_apart(
-    kind: Kind, written: str, thought: str, said: str
-) -> None:
+async def test_thinking_inside_the_text_is_separated(kind: Kind, written: str, thought: str, said: str) -> None:
     with serving(kind, replies(Reply(written))) as server:
         events = await asked(kind, server)
     assert "".join(event.text for event in events if isinstance(event, ThinkingPart)) == thought
@@ -99,7 +97,7 @@ async def test_calls_come_whole_with_their_arguments(kind: Kind) -> None:
 
 
 @both
-async def test_a_call_that_is_no_json_has_no_arguments(kind: Kind) -> None:
+async def test_a_call_that_is_not_json_has_no_arguments(kind: Kind) -> None:
     with serving(kind, replies(Reply(calls=(("make", '{"count": }'),)))) as server:
         events = await asked(kind, server)
     [call] = [event.call for event in events if isinstance(event, CallPart)]
@@ -108,7 +106,7 @@ async def test_a_call_that_is_no_json_has_no_arguments(kind: Kind) -> None:
 
 
 @both
-async def test_an_answer_that_may_not_be_longer_says_so(kind: Kind) -> None:
+async def test_an_answer_cut_at_its_limit_says_so(kind: Kind) -> None:
     with serving(kind, replies(Reply("Two and", end="length"))) as server:
         end = (await asked(kind, server))[-1]
     assert isinstance(end, StreamEnd)
@@ -138,7 +136,7 @@ async def test_earlier_calls_and_answers_are_sent_in_the_form_of_the_server(kind
     assert (sent[3].get("tool_name") or sent[3].get("tool_call_id")) == ("make" if kind == "ollama" else "call_1")
 
 
-async def test_ollama_is_asked_with_context_thinking_and_time_in_memory() -> None:
+async def test_ollama_gets_context_thinking_and_time_in_memory() -> None:
     with serving("ollama", replies(Reply("Two."))) as server:
         await asked("ollama", server, think=False, context_tokens=8192, temperature=0.0, seed=7)
     request = server.requests[0]
@@ -183,7 +181,7 @@ async def test_a_model_without_tools_chooses_by_a_schema(
 
 
 @both
-async def test_an_address_without_a_server_says_how_to_start_one(kind: Kind) -> None:
+async def test_an_address_without_a_server_gives_the_start_command(kind: Kind) -> None:
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))
         nowhere = ModelServer(url=f"http://127.0.0.1:{closed.getsockname()[1]}")
@@ -192,7 +190,7 @@ async def test_an_address_without_a_server_says_how_to_start_one(kind: Kind) -> 
 
 
 @both
-async def test_an_unknown_model_is_told_with_those_that_there_are(kind: Kind) -> None:
+async def test_an_unknown_model_is_reported_with_the_valid_ones(kind: Kind) -> None:
     with serving(kind, replies(Reply())) as server, pytest.raises(UnknownModel, match="no model 'big:7b'") as caught:
         await asked(kind, server, model="big:7b")
     assert caught.value.valid == ("big:70b", "plain:8b")
@@ -210,13 +208,15 @@ async def test_an_unknown_model_is_told_with_those_that_there_are(kind: Kind) ->
     ],
     ids=["cut", "no json", "error in the stream", "error", "too many"],
 )
-async def test_an_answer_that_fails_says_why(kind: Kind, reply: Reply, failure: type[ModelFailure], told: str) -> None:
+async def test_a_failed_answer_gives_its_reason(
+    kind: Kind, reply: Reply, failure: type[ModelFailure], told: str
+) -> None:
     with serving(kind, replies(reply)) as server, pytest.raises(failure, match=told):
         await asked(kind, server)
 
 
 @both
-async def test_a_model_that_says_nothing_more_is_left(kind: Kind) -> None:
+async def test_a_model_that_stays_silent_is_abandoned(kind: Kind) -> None:
     with (
         serving(kind, replies(Reply("Two and", fault="hold"))) as server,
         pytest.raises(ModelSilent, match=r"nothing came from .* for 0\.2 s"),
@@ -224,7 +224,7 @@ async def test_a_model_that_says_nothing_more_is_left(kind: Kind) -> None:
         await asked(kind, server, silence_s=0.2)
 
 
-async def test_a_refused_key_says_where_to_set_it() -> None:
+async def test_a_refused_key_names_its_setting() -> None:
     with serving("openai", replies(Reply("Two.")), key="right") as server:
         with pytest.raises(ModelRefused, match="PLANNERFORGE_AGENT_API_KEY"):
             await asked("openai", server, api_key="wrong")
@@ -253,7 +253,7 @@ async def test_an_address_of_another_protocol_is_unreachable() -> None:
     await opened.close()
 
 
-def test_a_missing_package_is_told_with_the_command_that_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_is_reported_with_the_command_that_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "openai", None)
     with pytest.raises(SettingsFault, match=r"pip install 'plannerforge-mcp\[openai\]'"):
         open_model("openai:m@http://localhost:1/v1", ModelSettings())

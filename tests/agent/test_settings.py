@@ -67,7 +67,7 @@ def test_a_key_is_not_shown() -> None:
     assert settings.for_model().api_key == "sk-secret"
 
 
-def test_the_prompt_of_a_session_stands_below_the_agents_manners() -> None:
+def test_the_session_s_prompt_follows_the_agent_s_manners() -> None:
     manners, whole = own_instructions(), own_instructions("cp_icl")
     assert whole.startswith(manners)
     assert system_prompt("session", "cp_icl") in whole

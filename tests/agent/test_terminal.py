@@ -76,7 +76,7 @@ def test_a_request_prints_calls_with_progress_and_the_answer(tmp_path: Path) -> 
     ("reply", "status"),
     [(Reply("Out of scope: no poems."), 3), (Reply("Which town do you mean?"), 4), (Reply("no memory", status=500), 1)],
 )
-def test_the_exit_status_says_how_a_request_ended(tmp_path: Path, reply: Reply, status: int) -> None:
+def test_the_exit_status_gives_the_end_of_a_request(tmp_path: Path, reply: Reply, status: int) -> None:
     assert request(tmp_path, reply)[1] == status
 
 
@@ -90,7 +90,7 @@ def test_the_exit_status_says_how_a_request_ended(tmp_path: Path, reply: Reply, 
         ({"server": "'unclosed"}, "cannot be read"),
     ],
 )
-def test_what_keeps_the_agent_from_beginning_is_one_line(tmp_path: Path, others: dict[str, str], told: str) -> None:
+def test_a_failure_to_start_the_agent_is_one_line(tmp_path: Path, others: dict[str, str], told: str) -> None:
     text, status = request(tmp_path, DONE, **others)
     assert status == 2
     assert told in text
@@ -102,7 +102,7 @@ def test_a_chat_shows_state_history_and_help(tmp_path: Path) -> None:
     said = ("A scenario.", "/state", "/history", "/help", "/what", "")
     text, status, _ = chat(tmp_path, *said, script=(MAKE, DONE))
     assert status == 0
-    assert "Being worked on: scenario TST_Town-2_1_T-1" in text
+    assert "Working on: scenario TST_Town-2_1_T-1" in text
     assert 'assistant:; make_scenario {"vehicles": 2}' in text
     assert "/quit     leave" in text
     assert "There is no command /what." in text
@@ -113,21 +113,21 @@ def test_a_cleared_chat_leaves_the_one_before_in_its_folder(tmp_path: Path) -> N
     assert len(list(tmp_path.glob("chats/*/messages.jsonl"))) == 2
 
 
-def test_a_chat_is_resumed_with_what_was_said_and_worked_on(tmp_path: Path) -> None:
+def test_a_chat_is_resumed_with_its_messages_and_artifacts(tmp_path: Path) -> None:
     chat(tmp_path, "A scenario.", script=(MAKE, DONE))
     text, _, server = chat(tmp_path, "And now?", script=(Reply("It stands."),), resume=True)
     sent = server.requests[0]["messages"]
-    assert "4 messages. Being worked on: scenario TST_Town-2_1_T-1" in text
+    assert "4 messages. Working on: scenario TST_Town-2_1_T-1" in text
     assert [message["role"] for message in sent] == ["system", "user", "assistant", "tool", "assistant", "user"]
     assert "TST_Town-2_1_T-1" in sent[-1]["content"]
 
 
-def test_a_chat_that_there_is_not_cannot_be_resumed(tmp_path: Path) -> None:
+def test_a_missing_chat_cannot_be_resumed(tmp_path: Path) -> None:
     text, status, _ = chat(tmp_path, script=(DONE,), resume=True)
     assert (status, "there is no earlier chat" in text) == (2, True)
 
 
-def test_a_damaged_chat_is_told(tmp_path: Path) -> None:
+def test_a_damaged_chat_is_reported(tmp_path: Path) -> None:
     chat(tmp_path, "Hello.", script=(DONE,))
     [file] = tmp_path.glob("chats/*/messages.jsonl")
     file.write_text('{"state": {}}\n{"role": 7}\n')
@@ -152,13 +152,13 @@ def test_a_workspace_that_cannot_be_written_ends_no_chat(tmp_path: Path) -> None
     assert ("Yes." in text, status) == (True, 0)
 
 
-def test_what_a_model_writes_cannot_steer_the_terminal(tmp_path: Path) -> None:
+def test_a_model_s_text_cannot_steer_the_terminal(tmp_path: Path) -> None:
     text, _ = request(tmp_path, Reply("\x1b[2JGone.\x07"))
     assert "\x1b" not in text
     assert "Gone." in text
 
 
-def test_an_interrupt_ends_the_turn_and_the_chat_goes_on(tmp_path: Path) -> None:
+def test_an_interrupt_ends_the_turn_and_the_chat_continues(tmp_path: Path) -> None:
     with serving("ollama", replies(Reply("One moment please", fault="hold"), Reply("Here I am."))) as server:
 
         def interrupt() -> None:
@@ -177,7 +177,7 @@ def test_an_interrupt_ends_the_turn_and_the_chat_goes_on(tmp_path: Path) -> None
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_an_interrupt_at_the_prompt_says_how_to_leave(tmp_path: Path) -> None:
+def test_an_interrupt_at_the_prompt_explains_how_to_leave(tmp_path: Path) -> None:
     waiting = ["interrupted", "Hello?"]
 
     def read_line(prompt: str) -> str:

@@ -32,7 +32,7 @@ def crowded(tmp_path: Path) -> LoadedScenario:
     return situation(tmp_path, *cars, start=(40.0, 0.0, 0.0, 12.0), goal=(75.0, 0.0, 8.0, 3.0), steps=(20, 30))
 
 
-def test_the_thirteen_weights_act_and_those_of_absent_modules_do_not(
+def test_the_thirteen_weights_act_and_weights_of_absent_modules_do_not(
     aside: LoadedScenario, crowded: LoadedScenario
 ) -> None:
     acting = acting_weights(configuration(), [aside, crowded])

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.answers.cases import faulty_calls, sheet_of_catalogue, sheet_of_scenario
-from benchmarks.answers.judge import Told, judge, unanswered
+from benchmarks.answers.judge import GivenAnswer, judge, unanswered
 from benchmarks.answers.recording import Call, answer_to, opened
 from plannerforge.evals.scoring.files import World
 
@@ -36,17 +36,18 @@ def place(made_once: Path, tmp_path: Path) -> Path:
     return tmp_path
 
 
-async def answered(folder: Path, *calls: Call) -> tuple[Told, World]:
+async def answered(folder: Path, *calls: Call) -> tuple[GivenAnswer, World]:
     """The last answer of some calls on a workspace with one scenario, and the world that it is judged by."""
     async with opened(folder / "workspace", (folder,), maps=folder) as client:
         for call in (MADE, *calls):
             answer = await answer_to(client, call)
             assert not answer.is_error, answer.text
     last = answer.call
-    return Told(last.tool, last.arguments, answer.text, answer.structured, is_error=False), World(folder / "workspace")
+    given = GivenAnswer(last.tool, last.arguments, answer.text, answer.structured, is_error=False)
+    return given, World(folder / "workspace")
 
 
-def spoiled(told: Told, path: str) -> Told:
+def spoiled(told: GivenAnswer, path: str) -> GivenAnswer:
     """The answer with the field at a path larger by one, or another word; of a list the first element."""
     fields = json.loads(json.dumps(told.structured))
     *way, last = path.split(".")
@@ -64,7 +65,7 @@ def spoiled(told: Told, path: str) -> Told:
     return replace(told, structured=fields)
 
 
-def is_found(told: Told, world: World, *paths: str) -> list[str]:
+def is_found(told: GivenAnswer, world: World, *paths: str) -> list[str]:
     """The paths whose field can hold another value without being found; the answer as it is holds."""
     verdict = judge(told, world)
     assert (verdict.false_statements, verdict.contradictions, verdict.unknown_figures) == ([], [], [])
@@ -113,15 +114,15 @@ async def test_a_search_that_counts_or_lists_wrongly_is_found(place: Path) -> No
     assert judge(replace(answer, asked={"obstacles": ["car>=50"]}), world).false_statements
 
 
-async def test_a_figure_of_a_text_that_no_field_holds_is_found(place: Path) -> None:
+async def test_a_figure_of_a_text_that_is_in_no_field_is_found(place: Path) -> None:
     answer, world = await answered(place)
     text = f"{answer.text}\nIt took 8,765 tries."
     assert len(judge(replace(answer, text=text), world).unknown_figures) == 1
 
 
-def test_what_an_answer_lacks_is_told() -> None:
+def test_gaps_of_an_answer_are_reported() -> None:
     fields = {"runs": [{"run_id": "run_1", "duration_s": 2.04, "reason": ""}], "next_step": ""}
-    told = Told("run_planner", {}, "run_1: hit car 3 at 2.0 s.", fields, is_error=False)
+    told = GivenAnswer("run_planner", {}, "run_1: hit car 3 at 2.0 s.", fields, is_error=False)
     asks = ("runs.run_id", "runs.duration_s", "runs.reason|next_step", "runs.reason|runs.run_id", "batch_id")
     assert list(unanswered(told, asks)) == ["runs.reason|next_step", "batch_id"]
     assert list(unanswered(replace(told, text="at 2.1 s"), asks[:2])) == ["runs.run_id", "runs.duration_s"]

@@ -216,7 +216,7 @@ SPOILT: Sequence[Mapping[str, tuple[str, str]]] = (
 
 @needs_browser
 @pytest.mark.parametrize("spoilt", SPOILT, ids=[next(iter(spoilt)) for spoilt in SPOILT])
-def test_what_is_broken_in_a_page_is_named(
+def test_broken_parts_of_a_page_are_named(
     browser: Browser, views: Mapping[str, str], spoilt: Mapping[str, tuple[str, str]]
 ) -> None:
     page = empty_page("board")
@@ -228,7 +228,7 @@ def test_what_is_broken_in_a_page_is_named(
 
 
 @needs_browser
-def test_page_that_never_says_hello_is_one_failed_check(browser: Browser, views: Mapping[str, str]) -> None:
+def test_a_page_without_its_handshake_is_one_failed_check(browser: Browser, views: Mapping[str, str]) -> None:
     ((words, holds),) = looked_into(browser, views, "<!DOCTYPE html><p>silent", Case("run", "run", {}), 1280, 0.4)
     assert "does not say that it is ready" in words
     assert not holds

@@ -14,7 +14,7 @@ from plannerforge.server.settings import Settings
 
 @pytest.mark.anyio
 @pytest.mark.usefixtures("starter_ready")
-async def test_starter_scenarios_stand_in_for_recordings_that_are_not_there(
+async def test_starter_scenarios_replace_missing_recordings(
     connect: Connect, settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PLANNERFORGE_SHARED", str(tmp_path / "none"))

@@ -37,7 +37,7 @@ def run(
     return status, json.loads(said.out.splitlines()[-1]), said.err
 
 
-def test_the_last_line_holds_the_figures_of_the_parts(
+def test_the_last_line_contains_the_figures_of_the_parts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     given = ["--shared", str(tmp_path), "--seed", "7", "--limit", "3"]

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.analysis.causes import Made, compared, first_touch_s, kind_at, latest_braking_s, overlap, straight
 
 
-def test_rectangles_overlap_as_their_sizes_say() -> None:
+def test_rectangles_overlap_as_their_sizes_require() -> None:
     assert overlap((0, 0, 0), (4.4, 0, 0))
     assert not overlap((0, 0, 0), (4.6, 0, 0))
     assert overlap((0, 0, 0), (0, 3.0, math.pi / 2))
@@ -16,7 +16,7 @@ def test_rectangles_overlap_as_their_sizes_say() -> None:
     assert overlap((0, 0, 0), (0, 3.1, math.pi / 2), 0.1)
 
 
-def test_the_truth_of_braking_before_something_that_stands() -> None:
+def test_the_truth_about_braking_before_a_standing_obstacle() -> None:
     made = Made("into_standing", 10.0, straight(44.508, 0.0, 0.0, 0.0))
     touch = first_touch_s(made)
     assert touch == pytest.approx(4.0, abs=0.11)
@@ -25,7 +25,7 @@ def test_the_truth_of_braking_before_something_that_stands() -> None:
     assert latest_braking_s(made, touch) == pytest.approx((40.0 - stopping_m) / 10.0, abs=0.15)
 
 
-def test_nothing_helps_against_a_follower() -> None:
+def test_no_reaction_prevents_a_hit_by_a_follower() -> None:
     made = Made("rear_end_by_other", 5.0, straight(-20.0, 0.0, 0.0, 12.0))
     touch = first_touch_s(made)
     assert touch is not None

@@ -40,11 +40,11 @@ def test_the_judge_sees_words_that_leave_the_mark(text: str, fault: str) -> None
         ({f"key {WORD}": 1}, False),
     ],
 )
-def test_the_judge_sees_words_that_are_no_field_of_their_own(value: dict[str, object], is_right: bool) -> None:
+def test_the_judge_sees_words_that_are_not_fields(value: dict[str, object], is_right: bool) -> None:
     assert (not list(faults_of_value(value, WORD))) == is_right
 
 
-def test_a_path_that_no_word_takes_is_wrong() -> None:
+def test_an_unknown_path_is_wrong() -> None:
     assert Heard(["an answer"], [{}]).faults(WORD) == ["not reached"]
 
 

@@ -29,7 +29,7 @@ def test_the_same_country_is_written_again(country: Path, tmp_path: Path) -> Non
     assert count == sum(1 for _ in osmium.FileProcessor(str(again), osmium.osm.NODE))
 
 
-def test_each_place_has_a_name_of_its_own(country: Path) -> None:
+def test_each_place_has_its_own_name(country: Path) -> None:
     places = [each.tags["name"] for each in osmium.FileProcessor(str(country)) if "place" in each.tags]
     assert len(set(places)) == len(places) > 1
     assert len({town_of(cell) for cell in range(144)}) == 144

@@ -44,7 +44,7 @@ async def measured(folder: Path, journal: Journal) -> Any:
 
 
 @pytest.mark.anyio
-async def test_broken_files_are_refused_by_name_and_nothing_is_lost(
+async def test_broken_files_are_refused_by_name_and_no_file_is_lost(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     journal = Journal.read(tmp_path / "rows.jsonl")
@@ -57,7 +57,7 @@ async def test_broken_files_are_refused_by_name_and_nothing_is_lost(
 
 
 @pytest.mark.anyio
-async def test_what_is_in_the_journal_is_not_run_again(folder: Path, tmp_path: Path) -> None:
+async def test_entries_of_the_journal_are_not_run_again(folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "rows.jsonl"
     first = await measured(folder, Journal.read(path))
     kept = path.read_bytes()
@@ -80,7 +80,7 @@ def test_a_run_that_ends_by_an_error_of_ours_is_lost(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "rows.jsonl").read_text())["error"]
 
 
-def test_scenarios_are_told_apart_by_where_they_lie_or_what_they_say(folder: Path, tmp_path: Path) -> None:
+def test_scenarios_are_distinguished_by_location_or_content(folder: Path, tmp_path: Path) -> None:
     top = top_folder(folder)
     assert top == folder / "scenarios"
     found = scenarios_in(top, None)

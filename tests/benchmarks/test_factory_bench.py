@@ -53,7 +53,7 @@ def test_a_map_without_scenarios_costs_its_time_and_is_counted() -> None:
     assert found["factory_ratio"] == 0.0
 
 
-def test_a_rate_over_nothing_is_endless() -> None:
+def test_a_rate_over_nothing_is_infinite() -> None:
     assert figures([(produced(OURS, 20, 6, 30.0), [GOOD])])["factory_ratio"] == math.inf
 
 
@@ -93,7 +93,7 @@ def test_a_broken_file_is_a_fault_with_its_reason(tmp_path: Path, old: str, new:
     assert not verdict.executable
 
 
-def test_an_environment_that_cannot_be_made_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_environment_that_cannot_be_created_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").touch()
     monkeypatch.setenv("PLANNERFORGE_FACTORY", str(tmp_path / "file" / "environment"))
     with pytest.raises(LeftOut, match="cannot be created here: "):
@@ -110,7 +110,7 @@ def stand_in(folder: Path, script: str) -> Path:
     return folder
 
 
-def test_what_the_driver_answers_comes_back_as_figures(tmp_path: Path) -> None:
+def test_the_driver_s_answer_comes_back_as_figures(tmp_path: Path) -> None:
     answer = {"processor_s": 2.0, "wall_s": 3.0, "sites": 4, "faults": {"convert: ValueError": 2}}
     script = f"""
 import json, pathlib, sys
@@ -127,7 +127,7 @@ for line in sys.stdin:
     assert [path.name for path in made.files] == ["DEU_Town-1_1_T-1.cr.xml"]
 
 
-def test_a_driver_that_dies_is_a_fault_and_the_next_map_begins_anew(tmp_path: Path) -> None:
+def test_a_driver_that_dies_is_a_fault_and_the_next_map_begins_again(tmp_path: Path) -> None:
     environment = stand_in(tmp_path / "environment", "import sys; sys.stdin.readline(); sys.exit(3)")
     with (tmp_path / "log").open("w") as log, Factory(environment, log) as factory:
         for name in ("a", "b"):

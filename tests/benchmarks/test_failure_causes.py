@@ -78,7 +78,7 @@ def test_a_meeting_tells_which_vehicle_ran_into_which(
     assert meeting(run(), ego(speed_mps), other(*place)) == told
 
 
-def test_a_run_without_a_collision_is_told_by_its_reason_and_how_long_it_stood(tmp_path: object) -> None:
+def test_a_run_without_a_collision_is_reported_by_its_reason_and_its_standing_time(tmp_path: object) -> None:
     assert cause(run(), ego(0.0), tmp_path) == "ran out of time; the ego stood for 0.1 s"  # type: ignore[arg-type]
     assert cause(run(), ego(5.0), tmp_path) == "ran out of time"  # type: ignore[arg-type]
 

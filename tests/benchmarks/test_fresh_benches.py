@@ -53,7 +53,7 @@ def test_runs_that_raise_are_lost_and_count_as_failures() -> None:
     assert ("frenetix:Default, ground_truth", "33.3% (6.1% to 79.2%)") in rows
 
 
-def test_what_is_refused_when_read_is_no_failure_and_what_crashes_is_one() -> None:
+def test_a_refusal_at_reading_is_not_a_failure_and_a_crash_is_one() -> None:
     done = Case("T", "a", checks={"T_ends": True}, physical=(Physical(True, True, True, None),))
     rough = Case("B", "a", checks={"B_preset": True}, physical=(Physical(False, False, True, None),))
     measured = [Measured((done, rough), round_trip_error=""), Measured(unread="b: gap"), Measured(crashed="c: defect")]
@@ -99,7 +99,7 @@ def _known() -> list[Known]:
     return found
 
 
-def test_searches_find_what_the_predicates_of_drawn_requests_find() -> None:
+def test_searches_find_the_same_scenarios_as_the_predicates() -> None:
     known = _known()
     connection = catalogue([one.facts for one in known])
     requests = fresh_requests(known, 3, 400)
@@ -109,7 +109,7 @@ def test_searches_find_what_the_predicates_of_drawn_requests_find() -> None:
     assert 50 < sum(request.expect == "ok" for request in requests) < 350
 
 
-def test_drawn_requests_name_the_stage_that_leaves_nothing() -> None:
+def test_drawn_requests_name_the_stage_without_matches() -> None:
     known = _known()
     connection = catalogue([one.facts for one in known])
     empty = [one for one in fresh_requests(known, 4, 200) if one.expect == "empty"]
@@ -128,7 +128,7 @@ def test_the_same_seed_draws_the_same_requests_of_selection() -> None:
 
 @pytest.mark.shared_data
 @pytest.mark.usefixtures("shared_data")
-def test_vehicle_handed_over_late_hits_none_on_its_recording(tmp_path: Path) -> None:
+def test_a_vehicle_handed_over_late_hits_no_other_on_its_recording(tmp_path: Path) -> None:
     path = fresh_scenario(3, 30, tmp_path)
     selector = {"by": "ids", "ids": [30199]}
     truth = {"selector": selector, "vehicle_ids": [30199], "preset": "cautious", "expected_params": {}}

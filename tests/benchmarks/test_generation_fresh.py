@@ -24,7 +24,7 @@ def raising(error: Exception) -> Callable[..., None]:
     return operation
 
 
-def test_a_map_that_is_refused_by_name_is_no_crash(tmp_path: Path) -> None:
+def test_a_map_that_is_refused_by_name_is_not_a_crash(tmp_path: Path) -> None:
     path = tmp_path / "broken.osm"
     path.write_text("<osm><node", encoding="utf-8")
     found = try_map(path, 1)
@@ -52,7 +52,7 @@ def test_whole_conversion_refuses_or_crashes(
     assert not found.refusal
 
 
-def test_a_defect_while_the_scenario_is_made_is_a_crash_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_defect_during_generation_is_a_crash_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     request = drawn_request(map_facts({"urban": 1}), random.Random(1))
     monkeypatch.setattr(fresh, "read_map", lambda *_: map_facts({"urban": 1}))
     monkeypatch.setattr(fresh, "read_map_file", raising(UnsafeInput("too large")))

@@ -10,17 +10,17 @@ from support.generation_bench import Road, made, mapped
 from benchmarks.generation.motion import TOUCHING_M
 from benchmarks.tracks import is_drivable, overlap_steps
 from plannerforge.engine.commonroad.tracks import Track
-from plannerforge.evals.scoring.made_files import holds_vehicles, lies_at_street, lies_in
+from plannerforge.evals.scoring.made_files import has_vehicles, is_at_street, is_in_box
 from plannerforge.evals.scoring.map_evidence import MapEvidence
 
 SECONDARY = Road("road", "a", "b")
 
 
-def test_the_middle_has_to_lie_in_the_box() -> None:
+def test_the_middle_must_be_in_the_box() -> None:
     files = made([SECONDARY])
-    assert lies_in(files, (49.9, 9.9, 50.1, 10.1), 0.0)
+    assert is_in_box(files, (49.9, 9.9, 50.1, 10.1), 0.0)
     for box in ((50.01, 9.9, 50.1, 10.1), (49.9, 9.9, 49.99, 10.1), (49.9, 10.01, 50.1, 10.1), (49.9, 9.9, 50.1, 9.99)):
-        assert not lies_in(files, box, 0.0001)
+        assert not is_in_box(files, box, 0.0001)
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,7 @@ def test_the_middle_has_to_lie_in_the_box() -> None:
 def test_the_street_has_to_be_named_near_the_middle(street: str, *, right: bool) -> None:
     high = mapped((0, -400), (0, 400), highway="primary", name="Upper High Street", ref="B 2;A 4")
     far = mapped((900, 0), (900, 400), highway="primary", name="Far Lane")
-    assert lies_at_street(made([]), street, ["Redfield"], MapEvidence((high, far))) == right
+    assert is_at_street(made([]), street, ["Redfield"], MapEvidence((high, far))) == right
 
 
 @pytest.mark.parametrize(
@@ -50,11 +50,11 @@ def test_the_street_has_to_be_named_near_the_middle(street: str, *, right: bool)
         ({"motorcycle": (1, None)}, False),
     ],
 )
-def test_classes_are_told_by_type_and_length_and_counted(
+def test_classes_are_recognised_by_type_and_length_and_counted(
     wished: dict[str, tuple[int, int | None]], *, right: bool
 ) -> None:
     obstacles = (("car", 4.5), ("car", 4.5), ("truck", 16.5), ("motorcycle", 2.1))
-    assert holds_vehicles(replace(made([]), obstacles=obstacles), wished) == right
+    assert has_vehicles(replace(made([]), obstacles=obstacles), wished) == right
 
 
 def track(first_step: int = 0, offset: tuple[float, float] = (0.0, 0.0), aside_m: float = 0.0) -> Track:

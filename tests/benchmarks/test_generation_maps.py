@@ -25,7 +25,7 @@ def test_a_binary_map_is_read_and_converted_like_the_others(shared_data: Path, t
     assert convert_whole(BINARY, maps) == ""
 
 
-def test_a_map_that_cannot_be_read_or_is_not_listed_is_counted_and_told_of(tmp_path: Path) -> None:
+def test_an_unreadable_or_unlisted_map_is_counted_and_reported(tmp_path: Path) -> None:
     (tmp_path / "places.json").write_text("{}", encoding="utf-8")
     (tmp_path / "broken.osm.pbf").write_bytes(b"no map")
     (tmp_path / "unlisted.osm").write_text("<osm/>", encoding="utf-8")

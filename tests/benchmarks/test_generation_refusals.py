@@ -55,19 +55,19 @@ def test_a_type_missing_in_all_maps_is_refused_for_the_right_reason() -> None:
     assert refused_right(refusal, without_ramps) == ""
 
 
-def test_what_is_made_though_it_had_to_be_refused_is_told_of() -> None:
+def test_a_result_instead_of_a_refusal_is_reported() -> None:
     possible = Refusal("made", {"place": "Landmoor", "duration_s": 5}, "no_such_site", ("ramp",))
     assert refused_right(possible, built_in_maps()) == "was made in map_landmoor"
 
 
-def test_several_scenarios_where_no_site_fits_are_a_failure() -> None:
+def test_several_scenarios_without_a_fitting_site_are_a_failure() -> None:
     arguments = GenerateScenariosArguments.model_validate({**NO_RAMP, "count": 2})
     maps = BenchMaps(tuple(built_in_maps()), {}, {}, {})
     made = make_all(BenchRequest("ramps", arguments, "landmoor.osm"), Session(maps), seed=0)
     assert [one.fault for one in made] == ["NotPossible: “Landmoor” (map_landmoor) has no ramp site"]
 
 
-def test_every_refusal_of_the_corpus_is_asked_for(shared_data: Path) -> None:
+def test_every_refusal_of_the_corpus_is_requested_in_the_bench(shared_data: Path) -> None:
     lines = (shared_data / "corpora" / "dev" / "generation.jsonl").read_text(encoding="utf-8").splitlines()
     entries = [json.loads(line) for line in lines]
     reasons = Counter(refusal.reason for refusal in corpus_refusals(lines))

@@ -12,7 +12,7 @@ def shown(place: str, *kinds: str) -> dict[str, object]:
 PLACES = {"a.osm": shown("Town", "urban"), "b.osm": shown("Town", "roundabout"), "c.osm": shown("Village", "rural")}
 
 
-def test_what_another_map_of_the_place_shows_is_not_asked_for_as_missing() -> None:
+def test_a_feature_on_another_map_of_the_place_is_not_requested_as_missing() -> None:
     asked = {
         (r.name.rpartition("-")[2], r.given["scenario_type"]) for r in missing_requests(PLACES, frozenset(PLACES), 99)
     }
@@ -31,19 +31,19 @@ def test_types_are_requested_in_road_classes_without_them() -> None:
     ]
 
 
-def test_a_village_is_not_asked_for_a_town_that_its_list_leaves_out() -> None:
+def test_a_village_is_not_requested_a_town_that_its_list_leaves_out() -> None:
     listed = {"krautsand.osm": shown("Krautsand", "rural"), "c.osm": shown("Moor", "rural")}
     missing = {r.name for r in missing_requests(listed, frozenset(listed), 99) if r.given["scenario_type"] == "urban"}
     assert missing == {"missing-urban-c.osm"}
 
 
-def test_seeded_requests_are_the_same_every_time_and_ask_for_what_is_there() -> None:
+def test_seeded_requests_are_reproducible_and_satisfiable() -> None:
     first, again = (seeded_requests(PLACES, frozenset(PLACES), 12) for _ in range(2))
     assert first == again
     assert all(r.arguments.scenario_type in PLACES[str(r.map_name)]["scenario_types"] for r in first)  # type: ignore[operator]
 
 
-def test_samples_with_all_offsets_hold_every_request_once() -> None:
+def test_samples_with_all_offsets_contain_every_request_once() -> None:
     found = list(range(60))
     samples = [_spread(found, 15, offset) for offset in range(4)]
     assert sorted(number for sample in samples for number in sample) == found

@@ -18,12 +18,12 @@ def test_the_exponent_is_the_slope_over_doubled_sizes() -> None:
     assert Growth("linear", tuple(timed)).figure == 1.0
 
 
-def test_what_is_too_short_to_be_measured_has_no_exponent() -> None:
+def test_a_time_too_short_to_measure_has_no_exponent() -> None:
     timed = [Timed(size, size / 10_000) for size in (100, 200, 400, 800)]
     assert Growth("short", tuple(timed)).figure == "below 0.05 s"
 
 
-def test_sizes_that_are_refused_are_told(tmp_path: Path) -> None:
+def test_sizes_that_are_refused_are_reported(tmp_path: Path) -> None:
     def prepared(size: int, folder: Path) -> Work:
         def work() -> None:
             if size > 2:
@@ -43,7 +43,7 @@ def test_each_subject_doubles_its_input_three_times() -> None:
         assert [size // subject.sizes[0] for size in subject.sizes] == [1, 2, 4, 8], subject.name
 
 
-def test_inputs_are_sound_and_as_large_as_asked(tmp_path: Path) -> None:
+def test_inputs_are_valid_and_as_large_as_requested(tmp_path: Path) -> None:
     path = town(tmp_path / "town.xml", crossings=3, vehicles=4, steps=5)
     assert not [finding for finding in check_file(path).findings if finding.severity == "error"]
     assert len(read_road_document(path).lanelets) == 18

@@ -110,7 +110,7 @@ def test_a_model_that_was_shown_no_id_says_so_and_ends() -> None:
     assert last == "The answers that I was shown hold no id of a scenario: I cannot go on."
 
 
-def test_what_a_client_shows_is_told_from_what_the_model_was_given() -> None:
+def test_a_client_s_display_is_distinguished_from_the_model_s_input() -> None:
     shown, _ = told_story()
     plain = summary_of(shown)
     assert (plain.answers, plain.pictures, plain.links, plain.refusals) == ("text", "not shown", False, True)
@@ -386,7 +386,7 @@ def test_a_whole_story_has_no_fault() -> None:
         (replace(WHOLE, calls=()), "not carried out: find_scenarios, modify_scenario"),
     ],
 )
-def test_each_thing_that_is_missing_is_told(work: StoredWork, fault: str) -> None:
+def test_each_thing_that_is_missing_is_reported(work: StoredWork, fault: str) -> None:
     assert any(fault in told for told in faults_of(work, CLOSING))
 
 
@@ -403,12 +403,12 @@ def test_a_step_that_was_refused_was_not_carried_out() -> None:
         (("workbench 7",) * 8, "workbench 8", "the journal names workbench 7, and the client calls itself workbench 8"),
     ],
 )
-def test_a_journal_that_does_not_name_the_client_is_told(names: tuple[str, ...], own: str, fault: str) -> None:
+def test_a_journal_that_does_not_name_the_client_is_reported(names: tuple[str, ...], own: str, fault: str) -> None:
     calls = tuple(replace(call, client=name) for call, name in zip(WHOLE.calls, names, strict=True))
     assert faults_of(replace(WHOLE, calls=calls), CLOSING, own) == [fault]
 
 
-def test_a_last_message_that_no_user_saw_is_told() -> None:
+def test_a_last_message_that_no_user_saw_is_reported() -> None:
     assert faults_of(WHOLE, "Working …") == ["the model's last message did not reach the user"]
 
 
@@ -437,7 +437,7 @@ async def test_the_real_server_carries_the_story_out(connect: Connect, settings:
 # What stands between client and server
 
 
-def test_lines_pass_both_ways_and_a_copy_is_kept(tmp_path: Path) -> None:
+def test_lines_pass_in_both_directions_and_are_copied(tmp_path: Path) -> None:
     copy = tmp_path / "copy.txt"
     program = "import sys\nfor line in sys.stdin:\n    print(line.strip().upper(), flush=True)\nsys.exit(3)"
     command = [sys.executable, "-P", wire.__file__, str(copy), sys.executable, "-c", program]
@@ -503,7 +503,7 @@ def test_a_client_that_cannot_be_installed_is_left_out_with_the_reason(tmp_path:
         Environments(tmp_path, "nowhere/node").installed(host)
 
 
-def test_a_client_sees_nothing_of_the_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_client_gets_no_environment_of_the_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OPENAI_API_KEY", "secret")
     monkeypatch.setenv("HTTPS_PROXY", "http://somewhere")
     variables = quiet_variables(tmp_path / "home")
@@ -511,7 +511,7 @@ def test_a_client_sees_nothing_of_the_user(tmp_path: Path, monkeypatch: pytest.M
     assert not {"OPENAI_API_KEY", "HTTPS_PROXY", "PYTHONPATH"} & set(variables)
 
 
-def test_every_driver_stands_alone() -> None:
+def test_every_driver_is_self_contained() -> None:
     drivers = Path(running.__file__).parent / "drivers"
     there = [*drivers.glob("*_driver.py"), *drivers.glob("*.mjs")]
     assert {host.driver for host in HOSTS} == {path.name for path in there}
@@ -553,7 +553,7 @@ def test_a_client_passes_by_all_its_transports_alone_or_with_help() -> None:
     assert figures["host_made"] == "left out: no such package"
 
 
-def test_the_table_tells_help_failures_and_what_is_left_out(tmp_path: Path) -> None:
+def test_the_table_lists_help_failures_and_omissions(tmp_path: Path) -> None:
     helped = replace(GOOD, helped=True)
     record = HostRecord(MADE, "1", (BAD, helped, replace(BAD, transport="http")))
     told = table_of([record, HostRecord(MADE, left_out="no such package")])

@@ -17,7 +17,7 @@ from plannerforge.schemas.scenarios import ScenarioRecord
 FILES, KILLS = 8, 1
 
 
-def test_kills_at_random_moments_leave_nothing_that_disagrees(tmp_path: Path) -> None:
+def test_kills_at_random_times_leave_the_workspace_consistent(tmp_path: Path) -> None:
     folder = tmp_path / "files"
     folder.mkdir()
     for index in range(1, FILES + 1):
@@ -27,7 +27,7 @@ def test_kills_at_random_moments_leave_nothing_that_disagrees(tmp_path: Path) ->
     assert tally.kills.total() == KILLS
 
 
-def test_what_disagrees_is_found(tmp_path: Path) -> None:
+def test_inconsistencies_are_found(tmp_path: Path) -> None:
     workspace = Workspace(tmp_path / "workspace")
     file = town_road().write(tmp_path / "town.xml")
     content = hashlib.sha256(file.read_bytes()).hexdigest()

@@ -47,7 +47,7 @@ def answers(builder: ScenarioBuilder, folder: Path) -> dict[str, Answer]:
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_what_happens_is_seen_and_nothing_else(vehicle: Vehicle, name: str, tmp_path: Path) -> None:
+def test_the_manoeuvre_and_no_other_is_seen(vehicle: Vehicle, name: str, tmp_path: Path) -> None:
     found = answers(town_road().with_vehicles(vehicle), tmp_path)
     assert {key for key in OTHERS if found[key] is Answer.YES} == {name}
 
@@ -55,7 +55,7 @@ def test_what_happens_is_seen_and_nothing_else(vehicle: Vehicle, name: str, tmp_
 @pytest.mark.parametrize(
     "vehicle", [aside(3.5, 3.5), aside(3.5, 0.0, start_x=180.0), braking(1.0)], ids=["kept lane", "far ahead", "gentle"]
 )
-def test_quiet_traffic_does_nothing(vehicle: Vehicle, tmp_path: Path) -> None:
+def test_quiet_traffic_makes_no_manoeuvre(vehicle: Vehicle, tmp_path: Path) -> None:
     found = answers(town_road().with_vehicles(vehicle), tmp_path)
     assert {found[key] for key in OTHERS} == {Answer.NO}
 

@@ -51,7 +51,7 @@ def test_sets_members_and_unions_follow_each_other() -> None:
     assert keys(f'[out:json];(way["highway"]({BOX});)->.a;.a out 3;'.replace(".a out", "(.a;);out")) != set()
 
 
-def test_the_middle_of_a_way_and_a_bound_on_elements() -> None:
+def test_the_middle_of_a_way_and_a_limit_on_elements() -> None:
     town = drawn_town("quadratstadt.osm")
     (one,) = run_query(f'[out:json];way["highway"]({BOX});out tags center 1;', town).elements
     assert set(one) == {"type", "id", "center", "tags"}
@@ -83,7 +83,7 @@ def test_overpass_speaks_json_xml_status_and_errors() -> None:
         assert "pid" in ask(f"{url}/kill_my_queries")[1]
 
 
-def test_nominatim_finds_what_words_name_and_nothing_else() -> None:
+def test_nominatim_finds_only_the_named_places() -> None:
     with town_servers().running() as servers:
 
         def names(words: str, **more: str) -> list[str]:
@@ -103,7 +103,7 @@ def test_words_are_compared_without_accents_and_abbreviations() -> None:
     assert words_of("Korçë") == ("korce",)
 
 
-def test_a_stand_in_lies_where_it_should_and_is_called_as_asked(shared_data: Path, tmp_path: Path) -> None:
+def test_a_stand_in_is_at_its_place_and_has_the_requested_name(shared_data: Path, tmp_path: Path) -> None:
     lines: list[dict[str, Any]] = [
         json.loads(line)
         for line in (shared_data / "corpora" / "dev" / "generation.jsonl").read_text(encoding="utf-8").splitlines()

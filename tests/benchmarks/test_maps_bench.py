@@ -22,7 +22,7 @@ def test_an_unknown_key_is_refused_with_the_known_ones() -> None:
         PARTS.chosen(["coverage_3way"])
 
 
-def test_a_part_that_is_not_there_or_fails_is_told_and_the_others_are_measured(tmp_path: Path) -> None:
+def test_a_part_that_is_not_there_or_fails_is_reported_and_the_others_are_measured(tmp_path: Path) -> None:
     def country(bench: MapsBench) -> Figures:
         raise RuntimeError(f"no maps in {bench.maps.name}")
 

@@ -15,7 +15,7 @@ def judged(tmp_path_factory: pytest.TempPathFactory) -> Tally:
     return closed_forms(3, 2, tmp_path_factory.mktemp("closed"))
 
 
-def test_what_is_told_agrees_with_the_closed_forms(judged: Tally) -> None:
+def test_reported_values_agree_with_the_closed_forms(judged: Tally) -> None:
     assert judged.deviations == []
     assert judged.share == 1.0
 

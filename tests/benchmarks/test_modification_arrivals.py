@@ -51,7 +51,7 @@ def test_reaching_the_line_and_no_farther_means_there_was_no_time(folder: Path, 
     assert short.is_late_with_reason() is is_late
 
 
-def test_driving_past_or_another_way_is_not_late_with_reason(folder: Path) -> None:
+def test_driving_past_or_on_another_route_is_not_late_with_reason(folder: Path) -> None:
     assert not journey(folder, {12}, driving(51, (150, 0), 10.0, 100)).is_late_with_reason()
     assert not journey(folder, {12}, driving(51, (150, 3.5), 10.0, 100)).is_late_with_reason()
 
@@ -71,7 +71,7 @@ def test_one_behind_a_queue_or_at_the_end_of_its_lane_is_late_with_reason(folder
     assert waiting.is_late_with_reason()
 
 
-def test_one_that_stops_and_starts_again_is_late_with_reason(folder: Path) -> None:
+def test_a_vehicle_that_stops_and_starts_again_is_late_with_reason(folder: Path) -> None:
     through = journey(folder, {12}, driving(51, (165, 0), 10.0, 80))
     speeds = np.concatenate([np.linspace(10.0, 0.0, 50), np.zeros(20), np.linspace(0.0, 1.5, 10)])
     places = through.track.positions[0] + np.outer(np.concatenate([[0], np.cumsum(speeds[1:] * 0.1)]), (1, 0))
@@ -81,7 +81,7 @@ def test_one_that_stops_and_starts_again_is_late_with_reason(folder: Path) -> No
 
 
 @pytest.mark.parametrize("is_bend", [True, False])
-def test_braking_for_the_curve_ahead_is_a_reason_and_on_a_straight_road_none(folder: Path, is_bend: bool) -> None:
+def test_braking_for_the_curve_ahead_is_a_reason_and_on_a_straight_road_is_not(folder: Path, is_bend: bool) -> None:
     bend = (*line((0, 0), (40, 0)), *arc((40.0, 6.0), 6.0, -math.pi / 2, 0.0)[1:])
     way = bend if is_bend else line((0, 0), (49, 0))
     onward = line(way[-1], (46, 40) if is_bend else (90, 0))
@@ -94,7 +94,7 @@ def test_braking_for_the_curve_ahead_is_a_reason_and_on_a_straight_road_none(fol
 
 
 @pytest.mark.parametrize(("past_m", "is_late"), [(0.1, True), (1.0, False)])
-def test_one_stands_at_the_end_of_its_lane_with_its_bumper_on_the_line_not_past_it(
+def test_a_vehicle_at_the_end_of_its_lane_stands_with_its_bumper_on_the_line(
     folder: Path, past_m: float, is_late: bool
 ) -> None:
     stop = journey(folder, {13}, driving(51, (197.75 + past_m, 0), 0.0, 80))
@@ -102,7 +102,7 @@ def test_one_stands_at_the_end_of_its_lane_with_its_bumper_on_the_line_not_past_
 
 
 @pytest.mark.parametrize(("start_m", "limit_mps", "is_late"), [(150, 3.0, True), (150, 30.0, False), (170, 3.0, False)])
-def test_slow_driving_is_late_with_reason_where_signs_allow_no_more(
+def test_slow_driving_is_late_with_reason_if_signs_require_it(
     folder: Path, start_m: float, limit_mps: float, is_late: bool
 ) -> None:
     slow = slowing(journey(folder, {12}, driving(51, (start_m, 0), 3.0, 150)), 1.5 if start_m > 150 else 3.0)
@@ -111,7 +111,7 @@ def test_slow_driving_is_late_with_reason_where_signs_allow_no_more(
     assert slow.is_late_with_reason() is is_late
 
 
-def test_one_beside_its_target_needs_a_slow_end_or_a_lane_without_a_gap(folder: Path) -> None:
+def test_a_vehicle_next_to_its_target_needs_a_slow_end_or_a_lane_without_a_gap(folder: Path) -> None:
     alone = journey(folder, {2}, driving(51, (20, 0), 10.0, 100))
     assert not alone.is_late_with_reason()
     assert slowing(alone, 2.0).is_late_with_reason()
@@ -152,26 +152,26 @@ def test_lane_changes_that_take_longer_than_the_scenario_are_a_reason(folder: Pa
         "fast and too near to steer over",
     ],
 )
-def test_a_refusal_is_right_only_where_physics_ask_for_it(
+def test_a_refusal_is_right_only_if_physics_requires_it(
     folder: Path, start: tuple[float, float], speed_mps: float, targets: set[int], is_right: bool
 ) -> None:
     one = journey(folder, targets, driving(51, start, speed_mps, 30))
     assert refusal_is_right(one.network, one.track, one.targets) is is_right
 
 
-def test_a_recording_begins_where_it_stays_and_not_on_what_lies_over_it(folder: Path) -> None:
+def test_a_recording_begins_on_its_own_lanelet_and_not_on_an_overlapping_one(folder: Path) -> None:
     one = journey(folder, {12}, driving(51, (201, 0), 8.0, 60))
     assert lanelets_at_first(one.network, one.track) == {11}
     assert refusal_is_right(one.network, one.track, frozenset({12}))
 
 
-def test_lane_changes_are_counted_and_ways_are_traced_back(folder: Path) -> None:
+def test_lane_changes_are_counted_and_routes_are_traced_back(folder: Path) -> None:
     network = journey(folder, {12}, driving(51, (20, 0), 8.0, 30)).network
     assert changes_to(network, frozenset({12})) == {1: 0, 2: 1, 12: 0}
     assert ways_to_m(network, frozenset({12})) == pytest.approx({1: 200.0, 2: 200.0, 12: 0.0})
 
 
-def test_a_way_round_counts_only_where_there_is_time_to_drive_it(folder: Path) -> None:
+def test_a_detour_counts_only_if_there_is_time_to_drive_it(folder: Path) -> None:
     block = (
         Lane(1, line((0, 0), (200, 0)), successors=(3,), predecessors=(4,), left=(2, True)),
         Lane(2, line((0, 3.5), (200, 3.5)), right=(1, True)),

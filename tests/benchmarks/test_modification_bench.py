@@ -19,7 +19,7 @@ from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.scene.scene import Scene
 from plannerforge.evals.ground_truth.modification import (
     CORPUS,
-    Asked,
+    EditRequest,
     corpus_refusal,
     drawn_refusals,
     drawn_requests,
@@ -103,7 +103,7 @@ def test_a_recorded_overlap_excuses_a_pair_about_then_only(base: Path) -> None:
     assert unreported_collisions(replace(moved, new={1: first, 2: meets[60]})) == 1
 
 
-def test_every_refusal_names_what_is_wrong(base: Path) -> None:
+def test_every_refusal_names_the_error(base: Path) -> None:
     names = [word for one in drawn_refusals(Scene.of(read_scenario(base))) for word in one.must_name]
     assert {"is the ego", "'tram'", "'furious'", "'hornLevel'", "sigma=1.5 is out of range"} <= set(names)
     assert any("cannot be reached" in name for name in names)
@@ -116,8 +116,8 @@ def test_a_refusal_for_another_reason_is_not_right(base: Path) -> None:
         assert not is_refused(base, replace(one, must_name=()))
 
 
-def test_what_is_done_is_not_refused(base: Path) -> None:
-    done = Asked("refuse", (edit_of(TRUTHS[3][0] | {"time": None}),), must_name=("",))
+def test_a_finished_edit_is_not_refused(base: Path) -> None:
+    done = EditRequest("refuse", (edit_of(TRUTHS[3][0] | {"time": None}),), must_name=("",))
     assert not is_refused(base, done)
 
 

@@ -37,7 +37,7 @@ def spoil(monkeypatch: pytest.MonkeyPatch, op: EditOperation, **instead: Any) ->
     monkeypatch.setattr("plannerforge.engine.edits.apply.OPERATIONS", spoiled)
 
 
-def test_a_reroute_that_does_nothing_is_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reroute_without_effect_is_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reroute, "drive_along", lambda scene, plan, way, targets: replace(plan, targets=targets))
     assert not verdicts(carried_out(base, TRUTHS["T"]))["T_ends"]
 
@@ -53,9 +53,7 @@ def test_drivers_that_all_drive_as_usual_are_seen(base: Path, monkeypatch: pytes
     assert not verdicts(carried_out(base, TRUTHS["B"]))["B_preset"]
 
 
-def test_vehicles_that_are_all_cars_which_stand_at_once_anywhere_are_seen(
-    base: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_result_with_only_standing_cars_is_detected(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     spoil(monkeypatch, "add_vehicle", to=[], vehicle_class="car", speed="0m/s", time_s=None)
     found = verdicts(carried_out(base, TRUTHS["P"] | {"destination_lanelet": 21}))
     assert not any(found[name] for name in ("P_class", "P_speed", "P_departure"))
@@ -163,7 +161,7 @@ def _counted_ids() -> Any:
     ],
     ids=["taken", "free", "right before somebody", "far before somebody", "in the lane beside"],
 )
-def test_a_place_refused_as_taken_or_hit_has_a_vehicle_on_it_or_right_behind(
+def test_an_occupied_place_has_a_vehicle_on_it_or_right_behind(
     base: Path, monkeypatch: pytest.MonkeyPatch, reason: str, lanelet: int, station_m: float, is_right: bool
 ) -> None:
     row = {"id": "p", "task": "modification_P", "expect": "ok", "scenario": base.name}
@@ -179,7 +177,7 @@ def test_a_place_refused_as_taken_or_hit_has_a_vehicle_on_it_or_right_behind(
     assert figures_of([refused, Measured((done,))])["P_count"] == 0.5
 
 
-def test_a_reroute_that_physics_forbid_is_no_failure_of_any_key() -> None:
+def test_a_reroute_that_physics_forbids_is_not_a_failure_of_any_key() -> None:
     done = Case("T", "done", checks={"T_ends": True}, edit_s=0.1)
     never = Case("T", "never", "too fast", tries=(Refusal("T", "too fast", True),))
     assert figures_of([Measured((done, never))])["T_ends"] == 1.0

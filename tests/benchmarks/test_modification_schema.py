@@ -10,7 +10,7 @@ from support.modification_bench import TRUTHS, asked, carried_out, later_by, res
 
 from benchmarks.modification.__main__ import figures_of, rows_of
 from benchmarks.modification.cases import Case, Measured
-from benchmarks.modification.written import Written, enter_later_as_asked, is_strictly_valid, is_valid
+from benchmarks.modification.written import Written, enter_later_on_request, is_strictly_valid, is_valid
 
 ADDED = 101
 
@@ -21,10 +21,10 @@ def later(tmp_path_factory: pytest.TempPathFactory) -> Written:
     return carried_out(town_road().cut(100).write(tmp_path_factory.mktemp("later") / "base.xml"), TRUTHS["P"])
 
 
-def test_a_vehicle_that_was_asked_to_enter_later_is_no_fault_of_the_file(later: Written) -> None:
+def test_a_vehicle_requested_to_enter_later_is_not_a_fault_of_the_file(later: Written) -> None:
     assert is_valid(later)
     assert not is_strictly_valid(later)
-    assert enter_later_as_asked(later) == {ADDED}
+    assert enter_later_on_request(later) == {ADDED}
 
 
 WRONG: dict[str, Callable[[Written], Written]] = {
@@ -56,7 +56,7 @@ def test_a_file_as_valid_as_its_source_is_valid_by_both_rules(tmp_path: Path) ->
     assert not is_valid(replace(made, loaded=replace(made.loaded, path=spoiled)))
 
 
-def test_the_figures_say_how_many_enter_later_and_what_the_share_is_without_them() -> None:
+def test_the_figures_count_late_entries_and_give_the_share_without_them() -> None:
     measured = [
         Measured((Case("P", "one", valid=True, strictly_valid=True), Case("P", "two", valid=True, enter_later=1)))
     ]

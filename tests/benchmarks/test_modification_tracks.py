@@ -50,9 +50,7 @@ def test_a_lanelet_that_a_fast_vehicle_leaps_over_within_a_step_is_reached(scene
 
 
 @pytest.mark.parametrize(("over_m", "is_there"), [(-0.1, False), (0.02, False), (0.4, False), (0.7, True)])
-def test_a_vehicle_that_stands_with_its_bumper_over_the_line_has_not_arrived(
-    scene: Scene, over_m: float, is_there: bool
-) -> None:
+def test_a_vehicle_with_its_bumper_over_the_line_has_not_arrived(scene: Scene, over_m: float, is_there: bool) -> None:
     last = scene.network.find_lanelet_by_id(1).center_vertices[-1]
     stops_m = np.minimum(np.arange(40.0), 30.0) - 30.0 + over_m - 4.5 / 2
     halted = replace(along(scene, 1, 40), positions=last + stops_m[:, None] * np.array([1.0, 0.0]))
@@ -60,7 +58,7 @@ def test_a_vehicle_that_stands_with_its_bumper_over_the_line_has_not_arrived(
 
 
 @pytest.mark.parametrize(("leads_there_too", "is_there"), [((), True), ((2,), False)])
-def test_grazing_the_target_counts_where_the_way_driven_on_leads_from_it_alone(
+def test_grazing_the_target_counts_if_the_route_continues_from_it_alone(
     tmp_path: Path, leads_there_too: tuple[int, ...], is_there: bool
 ) -> None:
     lanes = [
@@ -76,7 +74,7 @@ def test_grazing_the_target_counts_where_the_way_driven_on_leads_from_it_alone(
     assert arrives_on(network, track, {1}) is is_there
 
 
-def test_half_a_lanelet_shorter_than_that_is_enough(tmp_path: Path) -> None:
+def test_half_of_a_shorter_lanelet_is_enough(tmp_path: Path) -> None:
     lanes = (Lane(1, line((0, 0), (40, 0)), successors=(2,)), Lane(2, line((40, 0), (40.6, 0)), predecessors=(1,)))
     network = read_scenario(ScenarioBuilder(lanes).write(tmp_path / "short.xml")).scenario.lanelet_network
     assert arrives_on(network, over(*[(float(x), 0.0) for x in np.linspace(20, 38.1, 20)]), {2})
@@ -104,7 +102,7 @@ def test_a_jump_or_a_speed_step_at_the_hand_over_is_seen(
     assert found == pytest.approx((jump_m, step_mps), abs=1e-6)
 
 
-def test_nothing_written_after_a_hand_over_is_no_figure(scene: Scene) -> None:
+def test_a_hand_over_at_the_last_state_gives_no_figure(scene: Scene) -> None:
     old = along(scene, int(scene.network.lanelets[0].lanelet_id))
     assert handover_errors(old, old, len(old.positions) - 1, 0.1) is None
 
@@ -135,7 +133,7 @@ def test_a_goal_that_no_car_meets_at_its_speed_is_not_drawn(
     assert is_in_reach(problem_for(goal, speed_mps=9.65), 0.1, way_m, 100) is can
 
 
-def test_ways_lead_to_what_follows_and_lies_beside(scene: Scene) -> None:
+def test_routes_lead_to_successors_and_neighbours(scene: Scene) -> None:
     assert scene.ego is not None
     ways = distances_m(scene.network, scene.ego.position, scene.ego.heading_rad, scene.ego.speed_mps)
     here = scene.ego.lanelets[0]
@@ -143,7 +141,7 @@ def test_ways_lead_to_what_follows_and_lies_beside(scene: Scene) -> None:
     assert all(ways[key] > 0.0 for key in _after(scene, here))
 
 
-def test_no_way_leads_against_the_heading_or_through_a_bend_at_full_speed(tmp_path: Path) -> None:
+def test_no_route_leads_against_the_heading_or_through_a_curve_at_full_speed(tmp_path: Path) -> None:
     lanes = (
         Lane(1, line((0.0, 0.0), (40.0, 0.0)), successors=(2, 3)),
         Lane(2, line((40.0, 0.0), (90.0, 0.0)), predecessors=(1,)),
@@ -156,7 +154,7 @@ def test_no_way_leads_against_the_heading_or_through_a_bend_at_full_speed(tmp_pa
     assert not distances_m(network, here, math.pi, 4.0)
 
 
-def test_a_place_is_told_from_one_elsewhere(scene: Scene) -> None:
+def test_a_place_is_distinguished_from_one_elsewhere(scene: Scene) -> None:
     assert scene.ego is not None
     places = places_along(scene.network, scene.ego.position, 15.0)
     ahead = np.array([np.cos(scene.ego.heading_rad), np.sin(scene.ego.heading_rad)])
@@ -193,7 +191,7 @@ def over(*points: tuple[float, float]) -> Track:
     )
 
 
-def test_one_that_leaves_a_lane_that_ends_for_the_one_beside_has_arrived_on_it(tmp_path: Path) -> None:
+def test_a_vehicle_that_leaves_an_ending_lane_for_its_neighbour_has_arrived_there(tmp_path: Path) -> None:
     ending = Scene.of(read_scenario(lane_that_ends_beside_one_that_goes_on().write(tmp_path / "base.xml")))
     on_it = [(float(x), 3.5) for x in range(0, 80, 2)]
     goes_on = [(float(x), 0.0) for x in range(90, 200, 2)]
@@ -203,7 +201,7 @@ def test_one_that_leaves_a_lane_that_ends_for_the_one_beside_has_arrived_on_it(t
     assert not arrives_on(ending.network, over(*goes_on), {2})
 
 
-def test_the_branch_of_the_lane_beside_is_no_arrival_where_the_own_lane_goes_on(tmp_path: Path) -> None:
+def test_a_branch_of_the_neighbouring_lane_is_not_an_arrival_if_the_own_lane_continues(tmp_path: Path) -> None:
     lanes = lane_that_ends_beside_one_that_goes_on().lanes
     goes_on = (lanes[0], replace(lanes[1], successors=(5,)), *lanes[2:4], replace(lanes[4], predecessors=(2,)))
     both = Scene.of(read_scenario(ScenarioBuilder(goes_on).write(tmp_path / "base.xml")))

@@ -29,7 +29,7 @@ def test_a_crossing_at_red_is_found(tmp_path: Path) -> None:
     assert (found.lane, found.step) == (1, 29)
 
 
-def test_a_crossing_at_green_and_a_stop_at_the_line_are_none(tmp_path: Path) -> None:
+def test_crossing_at_green_and_stopping_at_the_line_are_not_red_light_running(tmp_path: Path) -> None:
     assert red_crossings(written(tmp_path, ((100, "green"), (100, "red"))), 32, 0) == []
     file = written(tmp_path, ((300, "red"),))
     user = file.users[32]

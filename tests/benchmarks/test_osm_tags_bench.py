@@ -7,7 +7,7 @@ import pytest
 from benchmarks.maps.tags import drawn_cases, judged, legal_limits
 
 
-def test_there_are_enough_cases_and_some_are_kept_aside() -> None:
+def test_there_are_enough_cases_and_some_are_held_out() -> None:
     cases = drawn_cases()
     assert len(cases) >= 120
     assert sum(case["part"] == "held" for case in cases) >= 40
@@ -32,7 +32,7 @@ def test_a_crossing_is_judged_by_its_lanelets(tmp_path: Path, right: str, is_rig
     assert judged(case, tmp_path).right is is_right
 
 
-def test_what_is_told_counts_only_by_its_own_word(tmp_path: Path) -> None:
+def test_a_report_counts_only_with_its_own_word(tmp_path: Path) -> None:
     case = {"country": "DEU", "west": "lanes=1", "nodes": "", "right": "gone", "told": "one lane"}
     assert judged(case, tmp_path).told
     assert not judged(case | {"told": "bollard"}, tmp_path).told

@@ -32,7 +32,7 @@ def of_kind(root: Element, kind: str) -> list[Element]:
     return [one for one in root.iterfind("dynamicObstacle") if one.findtext("type") == kind]
 
 
-def test_people_as_they_were_made_are_on_their_ways(root: Element, tmp_path: Path) -> None:
+def test_generated_pedestrians_are_on_their_paths(root: Element, tmp_path: Path) -> None:
     counts = judged(root, tmp_path)
     assert counts["pedestrians"] == 3
     assert counts["on_ways"] >= 0.99 * counts["positions"]

@@ -10,7 +10,7 @@ from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.schemas.generation import PlaceArea, ReadMapRequest
 
 
-def test_there_are_many_spellings_in_many_languages_and_a_third_is_kept_aside() -> None:
+def test_there_are_many_spellings_in_many_languages_and_a_third_is_held_out() -> None:
     cases = place_cases()
     assert len(cases) >= 150
     assert len({case.language for case in cases}) >= 8

@@ -14,6 +14,6 @@ def test_a_fault_is_named_and_a_step_has_its_cost(tmp_path: Path) -> None:
     assert 0 < figures["protocol_class_ms"] < figures["protocol_program_ms"]
 
 
-def test_the_kinds_of_faults_are_at_least_those_that_are_asked_for() -> None:
+def test_there_are_at_least_the_required_kinds_of_faults() -> None:
     assert len(protocol.EXPECTED) >= 12
     assert {"timed_out", "flooded_output", "died", "not_json", "wrong_step"} <= set(protocol.EXPECTED.values())

@@ -53,7 +53,7 @@ def hit(obstacle: Any, speed_mps: float, step: int, *others: Any) -> Hit:
     ],
     ids=["far ahead", "too near", "in time for one without delay", "from behind", "head on"],
 )
-def test_drivers_prevent_what_their_distances_allow(made: Hit, prevented: dict[str, bool]) -> None:
+def test_drivers_prevent_collisions_that_their_distances_allow(made: Hit, prevented: dict[str, bool]) -> None:
     assert {driver: prevented_by(made, driver) for driver in prevented} == prevented
 
 
@@ -62,13 +62,13 @@ def test_a_verdict_on_an_edge_is_left_out() -> None:
     assert prevented_by(hit(other(13.9, 0.0), 10.0, 10), "full_braking") is None
 
 
-def test_a_verdict_is_left_out_if_another_may_hide_the_one_that_was_hit() -> None:
+def test_a_verdict_is_left_out_if_another_vehicle_may_hide_the_one_that_was_hit() -> None:
     made = hit(other(60.0, 0.0), 10.0, 56, other(30.0, 10.0))
     assert prevented_by(made, "full_braking") is True
     assert prevented_by(made, "r157_careful") is None
 
 
-def test_places_on_a_way_that_comes_back_are_near_the_last_one() -> None:
+def test_places_on_a_route_that_returns_are_near_the_last_one() -> None:
     turn = np.linspace(0.0, 2 * np.pi, 60)
     lap = np.column_stack([20 * np.sin(turn), 20 - 20 * np.cos(turn), turn, np.full(60, 5.0)])
     way = DrivenPath.driven(lap)

@@ -82,7 +82,7 @@ def met(missed_m: float | None, *plans: PlanLog) -> Pair:
         ("road_check", pair(own("infeasible", road_edge=9), theirs("COMPLETED_SUCCESS"), Judged("goal reached"))),
     ],
 )
-def test_every_pair_that_ends_otherwise_has_its_cause(cause: str, case: Pair) -> None:
+def test_every_pair_with_different_endings_has_its_cause(cause: str, case: Pair) -> None:
     assert not case.agrees
     assert cause_of(case)[0] == cause
 
@@ -187,14 +187,14 @@ def loops(tmp_path: Path) -> Iterator[Loops]:
         yield Loops(reference, cast("ProcessPoolExecutor", None))
 
 
-def test_what_the_driver_answers_is_a_run(loops: Loops) -> None:
+def test_the_driver_s_answer_is_a_run(loops: Loops) -> None:
     run = loops.theirs(Path("a.xml"), DEFAULT, "walenet")
     assert (run.ending, run.reason, run.spent) == ("goal passed", "goal reached faster", Spent(3.0, 2.0))
     assert run.steps is not None
     assert (run.plans[0].kind, run.steps.x_m) == ("regular", (0.0, 1.0))
 
 
-def test_a_driver_that_dies_is_a_fault_and_the_next_run_begins_anew(loops: Loops) -> None:
+def test_a_driver_that_dies_is_a_fault_and_the_next_run_begins_again(loops: Loops) -> None:
     run = loops.theirs(Path("dies.xml"), DEFAULT, "walenet")
     assert (run.ending, run.fault) == ("infeasible", "its process ended with 3")
     assert loops.theirs(Path("a.xml"), DEFAULT, "walenet").ending == "goal passed"

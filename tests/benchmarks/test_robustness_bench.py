@@ -70,7 +70,7 @@ def _laws(text: str) -> list[str]:
 @pytest.mark.parametrize(
     "end", ["\n", "\r", "\r\n", "\x0b", "\x0c", "\x1c", "\x85", "\u2028", "\u2029", "\n\t- ", "\n> "]
 )
-def test_a_text_on_a_line_of_its_own_is_forged(end: str) -> None:
+def test_a_text_on_its_own_line_is_forged(end: str) -> None:
     assert _laws(f"[unknown_name] there is no job 'x{end}{INJECTED}'. Next: list them.") == ["forged"]
 
 
@@ -79,7 +79,7 @@ def test_a_text_that_stays_within_its_line_is_not_forged() -> None:
     assert _laws(repr(f"x\n{INJECTED}")) == []
 
 
-def test_unexpected_oversized_and_read_answers_are_told() -> None:
+def test_unexpected_oversized_and_read_answers_are_reported() -> None:
     assert _laws("3 files, 1 refused:\n- a.xml: [unexpected] import failed (incident 00).") == ["unexpected"]
     assert _laws("[unknown_name] there is no job 'x'.") == ["unadvised"]
     assert _laws("x" * 20_001) == ["oversized"]
@@ -87,7 +87,7 @@ def test_unexpected_oversized_and_read_answers_are_told() -> None:
     assert _laws(f"<a>{CANARY_TEXT}</a>") == ["outside_read"]
 
 
-def test_the_canary_tells_whatever_becomes_of_its_tree(tmp_path: Path) -> None:
+def test_the_canary_reports_any_change_of_its_tree(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("1")
     (tmp_path / "b").write_text("1")
     (tmp_path / "c").write_text("1")
@@ -103,7 +103,7 @@ def test_the_canary_tells_whatever_becomes_of_its_tree(tmp_path: Path) -> None:
     assert canary.changes() == []
 
 
-def test_a_journal_that_keeps_too_much_or_is_open_is_told(tmp_path: Path) -> None:
+def test_a_journal_that_keeps_too_much_or_is_open_is_reported(tmp_path: Path) -> None:
     journal = tmp_path / "journal" / "calls.jsonl"
     journal.parent.mkdir()
     sound = {"arguments": {"text": "a" * 200 + "…", "list": [1, None]}, "error": "x" * 900}

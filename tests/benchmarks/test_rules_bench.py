@@ -13,7 +13,7 @@ def test_the_product_tells_the_rules_as_the_truth_has_them() -> None:
     assert figures == {"rules_right": 1.0, "rules_silent": 1.0, "rule_cases": 30}
 
 
-def test_drives_that_break_rules_and_such_that_keep_them_are_drawn() -> None:
+def test_drives_that_break_and_that_keep_rules_are_drawn() -> None:
     choice = random.Random(5)
     cases = [case for _ in range(12) for case in drawn(choice)]
     broken = {case.rule for case in cases if min(case.truth) < -0.01}
@@ -30,7 +30,7 @@ def test_a_wrong_truth_is_noticed(capsys: pytest.CaptureFixture[str]) -> None:
     assert "told to break R_G3 speed limit by 2 m/s" in capsys.readouterr().err
 
 
-def test_the_crossing_has_what_a_case_names() -> None:
+def test_the_crossing_has_all_features_of_a_case() -> None:
     ego = moving(-140, even(12.0, 2.0), eastward)
     network = crossing(Case("R_G3", ego, [0.0], limit_mps=10.0, solid=True))
     lanelet = network.find_lanelet_by_id(EAST)

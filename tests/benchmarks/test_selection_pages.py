@@ -37,7 +37,7 @@ def filled(settings: Settings) -> Settings:
     return settings.model_copy(update={"starter": False})
 
 
-async def test_all_pages_are_compared_and_differences_are_told(filled: Settings, tmp_path: Path) -> None:
+async def test_all_pages_are_compared_and_differences_are_reported(filled: Settings, tmp_path: Path) -> None:
     async with Client(create_server(filled, start_folder=tmp_path)) as client:
         every, fewer, empty, stage, found = await answer_all(
             client, [ALL, FEWER, EMPTY, WRONG_STAGE, NOT_EMPTY, REFUSED]

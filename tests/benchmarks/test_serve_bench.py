@@ -12,7 +12,7 @@ from benchmarks.serve.__main__ import PARTS, broken
 from benchmarks.serve.conformance import KNOWN, judged
 from benchmarks.serve.conformance_server import add_fixtures
 from benchmarks.serve.http_kills import lost_of
-from benchmarks.serve.http_load import Told, settled, slope_per_h
+from benchmarks.serve.http_load import ReportedArtifact, settled, slope_per_h
 from plannerforge.engine.workspace import Recipe, Workspace
 from plannerforge.schemas.base import Model
 from plannerforge.server.assembly import create_server
@@ -43,7 +43,7 @@ def suite_said(held: int, broken: int = 0, empty: str = "server-sse-polling") ->
         ({"empty": "a-new-one"}, 1, "a-new-one: no check was made: the reason is not known"),
     ],
 )
-def test_checks_that_were_not_made_count_as_failed(changed: dict[str, Any], failed: int, told: str) -> None:
+def test_missing_checks_count_as_failed(changed: dict[str, Any], failed: int, told: str) -> None:
     said = {key: suite_said(held) for key, held in KNOWN.items()}
     said["conformance_2026"] = suite_said(**{"held": KNOWN["conformance_2026"], **changed})
     figures, words = judged(said)
@@ -52,14 +52,14 @@ def test_checks_that_were_not_made_count_as_failed(changed: dict[str, Any], fail
     assert broken(figures) == ([f"conformance_failed is {failed}"] if failed else [])
 
 
-def test_known_counts_are_those_of_the_pages() -> None:
+def test_known_counts_match_the_pages() -> None:
     counts = list(map(str, KNOWN.values()))
     figures = (CHECKOUT / "benchmarks" / "FIGURES.md").read_text(encoding="utf-8")
     assert f"| {', '.join(counts)} checks pass, 0 fail |" in figures
     assert all(f"| {count} | 0 |" in (CHECKOUT / "docs" / "http.md").read_text(encoding="utf-8") for count in counts)
 
 
-def test_slope_of_memory_is_told_of_what_comes_after_the_warm_up() -> None:
+def test_the_slope_of_memory_leaves_out_the_warm_up() -> None:
     rising = [(float(second), 100.0 + second / 36.0) for second in range(0, 600, 2)]
     filling = [(second, 20.0 if second < 150 else 200.0) for second, _ in rising]
     assert slope_per_h(rising) == pytest.approx(100.0)
@@ -68,12 +68,16 @@ def test_slope_of_memory_is_told_of_what_comes_after_the_warm_up() -> None:
     assert slope_per_h(rising[:1]) is None
 
 
-def test_what_clients_were_told_of_and_is_gone_is_lost(tmp_path: Path) -> None:
+def test_results_reported_to_clients_and_missing_now_are_lost(tmp_path: Path) -> None:
     workspace = Workspace(tmp_path)
     recipe = Recipe(tool="configure_planner", arguments={})
     kept = workspace.put("config", "cfg_1", recipe=recipe, record=Note(text="kept"), files={})
     workspace.close()
-    told = {Told("config", kept.artifact_id), Told("config", "cfg_2"), Told("batch", "cfg_1")}
+    told = {
+        ReportedArtifact("config", kept.artifact_id),
+        ReportedArtifact("config", "cfg_2"),
+        ReportedArtifact("batch", "cfg_1"),
+    }
     assert lost_of(tmp_path, told) == ["batch cfg_1 is gone", "config cfg_2 is gone"]
 
 

@@ -42,7 +42,7 @@ def driven(speed_mps: float, heading_rad: tuple[float, ...] | None = None) -> Ru
     )
 
 
-def test_the_judge_accepts_a_drive_and_refuses_one_that_no_wheels_make(tmp_path: Path) -> None:
+def test_the_judge_accepts_a_drive_and_refuses_one_that_wheels_cannot_make(tmp_path: Path) -> None:
     near = Problem(goal=(75.0, 0.0, 8.0, 3.0), steps=(30, 45))
     path = replace(town_road(), problems=(near,)).with_vehicles().write(tmp_path / "scenario.xml")
     scenario = read_scenario(path).scenario

@@ -11,7 +11,7 @@ def soundness(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
-def test_what_a_part_said_with_the_same_arguments_is_not_measured_again(tmp_path: Path) -> None:
+def test_a_part_with_the_same_arguments_is_not_measured_again(tmp_path: Path) -> None:
     kept = {"arguments": ["modification.drivable"], "figures": {"drivable_share": 0.75, "files": 3}}
     (tmp_path / "drivable.json").write_text(json.dumps(kept))
     done = soundness("--parts", "drivable", "--record", str(tmp_path))
@@ -19,7 +19,7 @@ def test_what_a_part_said_with_the_same_arguments_is_not_measured_again(tmp_path
     assert json.loads(done.stdout.splitlines()[-1]) == {"drivable_share": 0.75}
 
 
-def test_a_figure_that_a_part_does_not_say_fails_the_whole(tmp_path: Path) -> None:
+def test_a_figure_that_a_part_does_not_report_fails_the_whole(tmp_path: Path) -> None:
     (tmp_path / "drivable.json").write_text(
         json.dumps({"arguments": ["modification.drivable"], "figures": {"files": 3}})
     )

@@ -18,9 +18,9 @@ from support.runs import DEFAULT, SAFE, metrics, record, source
 from benchmarks.analysis.expected import Expected, Tally
 from benchmarks.analysis.public_runs import RawRuns
 from benchmarks.analysis.recomputed import late_because
-from benchmarks.analysis.statements import OnRuns, Told, in_texts, judged
+from benchmarks.analysis.statements import GivenAnswer, OnRuns, in_texts, judged
 from benchmarks.analysis.trivial import truth
-from benchmarks.told_figures import agrees, unknown_in_fields, unknown_in_text
+from benchmarks.stated_figures import agrees, unknown_in_fields, unknown_in_text
 from plannerforge.engine.analysis import analyse, compare
 from plannerforge.engine.execution import silent
 from plannerforge.schemas.analysis.comparison import CompareRequest, Side
@@ -68,7 +68,7 @@ def raw_of(sources: list[RunSource]) -> RawRuns:
     )
 
 
-def answers(sources: list[RunSource]) -> tuple[Told, ...]:
+def answers(sources: list[RunSource]) -> tuple[GivenAnswer, ...]:
     """The answers on the runs, and their comparison."""
     runs, configs = tuple(sources), (DEFAULT, SAFE)
     request = AnalyseRequest(results=("batch_a",), runs=runs, configs=configs, breakdown="config")
@@ -84,10 +84,10 @@ def answers(sources: list[RunSource]) -> tuple[Told, ...]:
     )
     made = [("analyze_results", analyse(one, silent)) for one in details]
     made.append(("compare_results", compare(CompareRequest(sides=sides, runs=runs, configs=configs), silent)))
-    return tuple(Told(tool, {}, one.to_text(), one.model_dump(mode="json")) for tool, one in made)
+    return tuple(GivenAnswer(tool, {}, one.to_text(), one.model_dump(mode="json")) for tool, one in made)
 
 
-def told_of(sources: list[RunSource], made: tuple[Told, ...]) -> OnRuns:
+def told_of(sources: list[RunSource], made: tuple[GivenAnswer, ...]) -> OnRuns:
     return OnRuns(raw_of(sources), WEIGHTS, {}, {}, made)
 
 
@@ -130,7 +130,7 @@ def test_figures_of_other_rows_are_found_to_be_wrong(sources: list[RunSource]) -
     assert len(judged([told_of(changed, made)]).wrong) > 40
 
 
-def test_each_field_that_holds_a_false_figure_is_found(sources: list[RunSource]) -> None:
+def test_each_field_with_a_false_figure_is_found(sources: list[RunSource]) -> None:
     comparison = next(one for one in answers(sources) if one.tool == "compare_results")
     count = judged([told_of(sources, (comparison,))]).figures
     false = [replace(comparison, fields=spoiled(comparison.fields, place, [])) for place in range(count)]
@@ -138,14 +138,14 @@ def test_each_field_that_holds_a_false_figure_is_found(sources: list[RunSource])
     assert all(len(faults) == 1 for faults in found)
 
 
-def test_a_figure_of_a_text_that_no_field_holds_is_unknown(sources: list[RunSource]) -> None:
+def test_a_figure_of_a_text_that_is_in_no_field_is_unknown(sources: list[RunSource]) -> None:
     comparison = next(one for one in answers(sources) if one.tool == "compare_results")
     lines = comparison.text.splitlines()
     assert unknown_in_text("\n".join([*lines, "The moon is 384,400 km away."]), comparison.fields) != []
     assert unknown_in_text(comparison.text.replace("10 pairs", "11 pairs"), comparison.fields) != []
 
 
-def test_a_figure_of_a_finding_has_to_stand_in_the_finding_itself() -> None:
+def test_a_figure_of_a_finding_must_be_in_the_finding_itself() -> None:
     finding = {"statement": "The third of 17 runs is late by 2.5 s.", "figures": {"runs": 17.0, "late_s": 2.51}}
     assert unknown_in_fields({"findings": [finding]}) == []
     elsewhere = {"findings": [finding | {"figures": {"runs": 17.0}}], "late_s": 2.51}
@@ -166,7 +166,7 @@ def test_a_figure_of_a_finding_has_to_stand_in_the_finding_itself() -> None:
         ("ISO 15622 asks for 4", False),
     ],
 )
-def test_figures_are_known_in_any_form_and_names_are_no_figures(text: str, known: bool) -> None:
+def test_figures_are_known_in_any_form_and_names_are_not_figures(text: str, known: bool) -> None:
     fields = {"run_id": "run_12", "share": 0.12344, "runs": 81, "time_s": 7.0, "source": "ISO 15622"}
     listed = "- one\n- two\n- three\n" if text.startswith("…") else ""
     assert (unknown_in_text(listed + text, fields) == []) is known
@@ -182,7 +182,7 @@ def test_figures_are_known_in_any_form_and_names_are_no_figures(text: str, known
         ("5", None, False),
     ],
 )
-def test_a_figure_agrees_where_it_is_what_rounds_to_it(shown: str, value: float | None, right: bool) -> None:
+def test_a_figure_agrees_if_it_rounds_to_the_field(shown: str, value: float | None, right: bool) -> None:
     assert agrees(shown, value) is right
 
 
@@ -230,7 +230,7 @@ def test_goals_that_ask_for_no_driving_are_known(asked: PlanningProblem, steps: 
     assert truth(asked, steps) == kind
 
 
-def test_what_collisions_are_laid_to_is_counted_apart_from_how_many_there_are(tmp_path: Path) -> None:
+def test_attributed_causes_are_counted_apart_from_collisions(tmp_path: Path) -> None:
     hits = [source(record(f"ZAM_Town-{number}_1_T-1", "collision", obstacle_id=7), tmp_path) for number in range(1, 4)]
     prevention = {"by_braking_until_s": 1.0, "by_careful_driver": True, "by_rss": True, "by_fuzzy_driver": True}
     contacts = [

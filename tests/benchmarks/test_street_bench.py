@@ -72,11 +72,11 @@ def test_sound_answers_are_documented_and_most_forged_ones_are_not(kind: str, so
         b'{"elements": []}',
     ],
 )
-def test_answer_in_another_form_is_known_as_such(content: bytes) -> None:
+def test_an_answer_in_another_form_is_recognised(content: bytes) -> None:
     assert not answers.is_documented(content, "search")
 
 
-def test_what_is_gone_changed_or_half_there_after_a_kill_is_lost() -> None:
+def test_a_missing_changed_or_partial_artifact_after_a_kill_is_lost() -> None:
     before = {"record run a": "1", "file runs/a/steps.json": "2"}
     piece = kills._Piece("import", (), 0.0, 1.0, artifacts=2)
     assert kills._missing(piece, before, {**before, "record run b": "3"}) == []
@@ -91,7 +91,7 @@ def test_secret_is_found_as_it_is_and_in_base64() -> None:
     assert any(form in b"x=" + secret.encode() for form in secrets._forms(secret))
 
 
-def test_spy_sees_what_its_environment_holds(tmp_path: Path) -> None:
+def test_the_spy_sees_the_content_of_its_environment(tmp_path: Path) -> None:
     seen = tmp_path / "seen"
     subprocess.run(
         [sys.executable, "-S", str(Path(spy.__file__)), str(seen)],

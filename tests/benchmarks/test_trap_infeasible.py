@@ -49,7 +49,7 @@ def headings_as_they_come(self: FrameKeeper, station_m: float, ahead_m: float) -
 
 
 @pytest.mark.parametrize("speed_mps", [5.0, 10.0, 15.0])
-def test_the_bench_counts_a_heading_wrap_only_where_its_cure_is_off(
+def test_the_bench_counts_a_heading_wrap_only_if_its_remedy_is_off(
     speed_mps: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cured = driven(westward_bend(speed_mps), tmp_path)
@@ -60,7 +60,7 @@ def test_the_bench_counts_a_heading_wrap_only_where_its_cure_is_off(
     assert outcome_and_trap(uncured) == ("infeasible", True)
 
 
-def test_a_corner_that_cannot_be_taken_at_such_a_speed_is_no_trap(tmp_path: Path) -> None:
+def test_a_corner_that_cannot_be_taken_at_this_speed_is_not_a_trap(tmp_path: Path) -> None:
     """Infeasible for a reason: from 25 m/s into a bend of 6 m, 10 m ahead."""
     lanes = (
         Lane(1, line((0.0, 0.0), (40.0, 0.0)), successors=(2,)),
@@ -72,14 +72,14 @@ def test_a_corner_that_cannot_be_taken_at_such_a_speed_is_no_trap(tmp_path: Path
     assert outcome_and_trap(response) == ("infeasible", False)
 
 
-def test_runs_that_are_not_infeasible_are_no_traps(tmp_path: Path) -> None:
+def test_runs_that_are_not_infeasible_are_not_traps(tmp_path: Path) -> None:
     response = driven(westward_bend(10.0), tmp_path)
     steps = response.steps.model_copy(update={"rejected": {"yaw_rate": (0, 9999)}})
     assert not is_trapped(response.record, steps)
     assert is_trapped(response.record.model_copy(update={"outcome": "infeasible"}), steps)
 
 
-def test_a_wrap_late_in_a_run_is_seen_whatever_was_rejected_before(tmp_path: Path) -> None:
+def test_a_wrap_late_in_a_run_is_seen_despite_earlier_rejections(tmp_path: Path) -> None:
     response = driven(westward_bend(10.0), tmp_path)
     stopped = response.record.model_copy(update={"outcome": "infeasible"})
     late = response.steps.model_copy(update={"rejected": {"yaw_rate": (0, 0, 300), "collision": (900, 900, 20)}})

@@ -60,7 +60,7 @@ def address() -> Iterator[str]:
     server.server_close()
 
 
-def test_a_folder_goes_in_and_again_nothing_is_added(tmp_path: Path) -> None:
+def test_a_folder_is_imported_once_and_again_without_effect(tmp_path: Path) -> None:
     folder = tmp_path / "files"
     folder.mkdir()
     town_road().write(folder / "good.xml")
@@ -70,7 +70,7 @@ def test_a_folder_goes_in_and_again_nothing_is_added(tmp_path: Path) -> None:
     assert "0 added, 1 already known" in second.stdout
 
 
-def test_an_archive_with_the_right_hash_goes_in_and_nothing_leads_outside(tmp_path: Path, address: str) -> None:
+def test_an_archive_with_the_right_hash_is_imported_without_escaping_its_folder(tmp_path: Path, address: str) -> None:
     result = run("fetch", address, "--sha256", hashlib.sha256(archive()).hexdigest())
     assert result.exit_code == 0, result.output
     assert "1 added, 0 already known, 1 refused" in result.stdout
@@ -85,7 +85,7 @@ def test_an_archive_with_another_hash_is_refused_and_not_kept(tmp_path: Path, ad
 
 
 @pytest.mark.parametrize(("url", "sha256"), [("file:///etc/passwd", "0" * 64), ("https://example.org/x.zip", "abc")])
-def test_what_is_no_address_or_no_hash_is_refused(url: str, sha256: str) -> None:
+def test_invalid_addresses_and_hashes_are_refused(url: str, sha256: str) -> None:
     result = run("fetch", url, "--sha256", sha256)
     assert result.exit_code == 1
     assert "is no" in result.output

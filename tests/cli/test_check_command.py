@@ -49,7 +49,7 @@ def test_warnings_alone_pass(tmp_path: Path) -> None:
     assert "gap_at_join" in result.stdout
 
 
-def test_json_holds_every_finding(tmp_path: Path) -> None:
+def test_json_contains_every_finding(tmp_path: Path) -> None:
     result = check(road(tmp_path, "gap_at_join"), "--json")
     (file,) = json.loads(result.stdout)
     (finding,) = file["findings"]
@@ -62,7 +62,7 @@ def test_json_holds_every_finding(tmp_path: Path) -> None:
     }
 
 
-def test_what_cannot_be_read_fails_and_markup_in_it_is_only_text(tmp_path: Path) -> None:
+def test_an_unreadable_file_fails_and_its_markup_is_plain_text(tmp_path: Path) -> None:
     path = tmp_path / "bad.xml"
     path.write_text("<commonRoad><lanelet id='[red]'/></commonRoad>")
     result = check(str(path))

@@ -40,7 +40,7 @@ def test_call_prints_the_text_of_the_answer(tmp_path: Path) -> None:
     assert (tmp_path / "workspace" / "journal" / "calls.jsonl").is_file()
 
 
-def test_a_shell_is_given_the_paths_of_pictures_not_links(tmp_path: Path) -> None:
+def test_a_shell_gets_paths_of_pictures_not_links(tmp_path: Path) -> None:
     result = run("call", "echo", '{"text": "see plannerforge://picture/a_12.png (9×9)"}')
     assert f"see {tmp_path / 'workspace' / 'pictures' / 'a_12.png'} (9" in json.loads(result.stdout)["text"]
 
@@ -51,10 +51,10 @@ def test_call_prints_the_structure_as_json() -> None:
     assert json.loads(result.stdout)["said"]["text"] == "hello"
 
 
-def test_call_without_arguments_takes_none() -> None:
+def test_a_call_without_arguments_passes_an_empty_object() -> None:
     result = run("call", "list_artifacts")
     assert result.exit_code == 0
-    assert "No artifact matches yet" in result.stdout
+    assert "Next: " in result.stdout
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_call_without_arguments_takes_none() -> None:
         ("get_job", "{}", "there is no job yet"),
     ],
 )
-def test_refused_call_says_why_on_stderr_and_fails(tool: str, arguments: str, expected: str) -> None:
+def test_a_refused_call_gives_its_reason_on_stderr_and_fails(tool: str, arguments: str, expected: str) -> None:
     for flags in ((), ("--json",)):
         result = run("call", tool, arguments, *flags)
         assert result.exit_code == 1
@@ -78,14 +78,14 @@ def test_refused_call_says_why_on_stderr_and_fails(tool: str, arguments: str, ex
 @pytest.mark.parametrize(
     ("arguments", "expected"), [("{count: 2}", "not JSON"), ("[1]", "JSON object"), ('"x"', "JSON object")]
 )
-def test_arguments_that_are_no_json_object_are_refused(arguments: str, expected: str) -> None:
+def test_arguments_that_are_not_a_json_object_are_refused(arguments: str, expected: str) -> None:
     result = run("call", "echo", arguments)
     assert result.exit_code == 2
     assert result.stdout == ""
     assert expected in result.stderr
 
 
-def test_the_version_is_told() -> None:
+def test_the_version_is_reported() -> None:
     assert run("--version").stdout == f"plannerforge {__version__}\n"
 
 
@@ -119,7 +119,7 @@ def test_wrong_flag_is_one_line(flags: tuple[str, ...], named: str) -> None:
     assert result.stderr.count("\n") == 1
 
 
-def test_a_wrong_word_of_a_setting_is_told_with_all_that_are_valid() -> None:
+def test_an_invalid_value_of_a_setting_is_reported_with_all_valid_values() -> None:
     said = run("serve", "--log-level", "LOUD").stderr
     assert all(word in said for word in ("DEBUG", "INFO", "WARNING", "ERROR"))
 
@@ -135,7 +135,7 @@ def test_wrong_settings_file_is_one_line(text: str) -> None:
     assert "wrokers" not in text or "there is no setting 'wrokers' (valid: workers" in result.stderr
 
 
-def test_unknown_flag_and_no_command_name_what_there_is() -> None:
+def test_an_unknown_flag_or_no_command_lists_the_commands() -> None:
     assert run("serve", "--wrokers", "3").exit_code == 2
     assert "serve" in run().output
 
@@ -149,7 +149,7 @@ def test_prompts_are_listed_with_their_cost_and_printed() -> None:
 
 
 @pytest.mark.parametrize("command", [("serve",), ("maps", "list")])
-def test_a_workspace_that_cannot_be_is_told_in_a_line(command: tuple[str, ...], tmp_path: Path) -> None:
+def test_an_impossible_workspace_is_reported_in_one_line(command: tuple[str, ...], tmp_path: Path) -> None:
     """In a process of its own: `serve` takes over standard input and output, which a test's process needs."""
     file = tmp_path / "file"
     file.touch()
@@ -162,7 +162,7 @@ def test_a_workspace_that_cannot_be_is_told_in_a_line(command: tuple[str, ...], 
 
 
 @pytest.mark.parametrize("words", [["serve"], ["serve", "--http"], ["ui", "--no-open"]])
-def test_what_serves_shares_its_heaps_before_it_starts_threads(
+def test_serving_commands_share_their_heaps_before_starting_threads(
     words: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun: list[str] = []
@@ -187,7 +187,7 @@ def test_what_serves_shares_its_heaps_before_it_starts_threads(
     assert begun[1:] in (["stdio"], ["http"])
 
 
-def test_pages_leave_out_origins_that_the_settings_let_in_with_a_token(
+def test_pages_leave_out_origins_that_the_settings_accept_with_a_token(
     monkeypatch: pytest.MonkeyPatch, settings: Settings
 ) -> None:
     served: list[Settings] = []

@@ -35,7 +35,7 @@ def test_this_installation_is_sound(settings: Settings, tmp_path: Path, capsys: 
     assert "896" in found["text ranking"]["found"]
 
 
-def test_what_is_missing_is_told_with_what_mends_it(
+def test_missing_parts_are_reported_with_their_remedy(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     broken = {
@@ -74,7 +74,7 @@ def test_a_damaged_database_is_a_fault(settings: Settings, tmp_path: Path, monke
     assert looked_at(settings, tmp_path)["records"].state == "fault"
 
 
-def test_map_services_are_asked_only_where_they_may_be(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_map_services_are_queried_only_if_allowed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "TRIALS", {})
     closed = "http://127.0.0.1:9"  # nobody listens on the discard port
     settings = Settings(
@@ -129,7 +129,7 @@ def test_a_host_with_a_wrong_entry_is_a_fault(
 @pytest.mark.parametrize(
     ("command", "before"), [("/gone/plannerforge", []), ("/gone/python3", ["-P", "-m", "plannerforge"])]
 )
-def test_a_program_that_is_gone_is_named_anew(
+def test_a_missing_program_is_named_again(
     command: str, before: list[str], settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(doctor, "TRIALS", {})
@@ -162,7 +162,7 @@ def test_an_entry_of_another_form_is_left_alone(
     assert path.read_bytes() == before
 
 
-def test_folders_of_the_user_are_not_made_and_the_nearest_is_named(
+def test_the_user_s_folders_are_not_created_and_the_nearest_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(doctor, "TRIALS", {})
@@ -212,7 +212,7 @@ def test_an_index_check_that_ends_by_a_signal_means_damage(
     assert (settings.workspace / "index" / "generation").is_dir(), "what was not looked at is not removed"
 
 
-def test_a_host_that_starts_what_is_gone_is_a_fault(
+def test_a_host_entry_with_a_missing_program_is_a_fault(
     settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(doctor, "TRIALS", {})

@@ -38,7 +38,7 @@ def test_the_server_is_written_once(name: str, platform: str, tmp_path: Path, mo
 
 
 @pytest.mark.parametrize("name", sorted(set(HOSTS) - {"codex"}))
-def test_what_a_file_holds_is_kept_and_copied_before(name: str, tmp_path: Path) -> None:
+def test_a_file_s_other_content_is_kept_and_backed_up(name: str, tmp_path: Path) -> None:
     host = HOSTS[name]
     path = host.file(tmp_path, "linux")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -89,7 +89,7 @@ def test_a_link_stays_a_link(tmp_path: Path) -> None:
     assert "plannerforge" in kept.read_text(encoding="utf-8")
 
 
-def test_printing_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_printing_does_not_write_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Path, "home", lambda: tmp_path)
     result = CliRunner().invoke(application, ["install", "Cursor", "--print"])
     assert json.loads(result.stdout)["mcpServers"]["plannerforge"]["args"] == ["serve"]
@@ -104,7 +104,7 @@ def test_an_unknown_host_names_the_nearest() -> None:
 
 @pytest.mark.parametrize("name", sorted(set(HOSTS) - {"codex"}))
 @pytest.mark.parametrize("key", ["url", "serverUrl", "httpUrl"])
-def test_an_entry_by_http_gives_way_to_a_program_whole(name: str, key: str, tmp_path: Path) -> None:
+def test_an_entry_by_http_is_replaced_completely_by_a_program(name: str, key: str, tmp_path: Path) -> None:
     host = HOSTS[name]
     path = host.file(tmp_path, "linux")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -115,7 +115,7 @@ def test_an_entry_by_http_gives_way_to_a_program_whole(name: str, key: str, tmp_
     assert servers(path.with_name(path.name + BACKUP), host.key)["plannerforge"] == by_http
 
 
-def test_an_entry_with_an_address_and_this_program_is_not_taken_for_right(tmp_path: Path) -> None:
+def test_an_entry_with_an_address_and_this_program_does_not_count_as_correct(tmp_path: Path) -> None:
     path = HOSTS["cursor"].file(tmp_path, "linux")
     path.parent.mkdir(parents=True)
     both = {"url": "http://127.0.0.1:8765/mcp", **HOSTS["cursor"].entry(COMMAND)}
@@ -147,7 +147,7 @@ def test_an_environment_in_uvs_cache_may_vanish_and_others_stay(passing: Path, t
     assert not may_vanish(tmp_path / "archive-v0" / "mine")
 
 
-def test_what_may_vanish_is_started_by_uvx(passing: Path) -> None:
+def test_a_program_that_may_vanish_is_started_by_uvx(passing: Path) -> None:
     program, *words = start_command(["--roots", "/data"], passing)
     assert Path(program).name == "uvx"
     assert words[-4:] == ["plannerforge-mcp", "serve", "--roots", "/data"]
@@ -166,7 +166,7 @@ def test_what_may_vanish_is_started_by_uvx(passing: Path) -> None:
         ),
     ],
 )
-def test_uvx_takes_the_package_from_where_it_was_installed_from(
+def test_uvx_takes_the_package_from_its_source(
     told: dict[str, Any] | None, source: list[str], passing: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Installed:
@@ -178,7 +178,7 @@ def test_uvx_takes_the_package_from_where_it_was_installed_from(
     assert list(start_command([], passing))[1:] == [*source, "plannerforge-mcp", "serve"]
 
 
-def test_installing_out_of_uvs_cache_says_that_the_host_uses_uvx(
+def test_installing_from_uv_s_cache_reports_that_the_host_uses_uvx(
     passing: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sys.prefix", str(passing))

@@ -38,7 +38,7 @@ def test_a_map_is_added_once_packed_or_plain_and_listed(tmp_path: Path) -> None:
     assert "54.5966" in row
 
 
-def test_of_several_files_the_good_ones_go_in_and_the_refused_are_named(tmp_path: Path) -> None:
+def test_valid_files_are_imported_and_refused_ones_are_named(tmp_path: Path) -> None:
     broken = tmp_path / "broken.osm"
     broken.write_text("<osm>")
     result = maps("add", str(broken), str(LIBRARY / "neuland.osm"))
@@ -53,7 +53,7 @@ def test_an_unknown_country_is_refused_before_anything_is_read() -> None:
     assert "there is no country 'Atlantis'" in result.stderr
 
 
-def test_ids_are_listed_whole_where_the_terminal_is_narrow(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ids_are_listed_in_full_on_a_narrow_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     listed = maps("list")
     assert "map_fahrhausen " in listed.stdout

@@ -93,7 +93,7 @@ def test_a_new_planner_is_checked_in_words(installed: Install, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("name", ["My Planner", "9lives", "frenetix", "../up", ""])
-def test_a_name_that_no_planner_can_have_writes_nothing(name: str, tmp_path: Path) -> None:
+def test_an_invalid_planner_name_writes_no_files(name: str, tmp_path: Path) -> None:
     with pytest.raises(InvalidRequest):
         write_planner(name, tmp_path)
     assert list(tmp_path.iterdir()) == []
@@ -115,7 +115,7 @@ def test_a_folder_that_is_there_is_left_as_it_is(tmp_path: Path) -> None:
         ("counting", "ego, slower =", "self.n = getattr(self, 'n', 0) + 1; ego, slower =", []),
     ],
 )
-def test_what_a_planner_breaks_is_told_in_words(
+def test_a_planner_s_breaches_are_reported_in_words(
     name: str, part: str, instead: str, told: list[str], installed: Install, road: Path
 ) -> None:
     assert part in STRAIGHT
@@ -126,7 +126,7 @@ def test_what_a_planner_breaks_is_told_in_words(
     assert ("BREAKS THE CONTRACT" in checked.output) == bool(told)
 
 
-def test_a_breach_is_told_in_full_once(installed: Install, road: Path, tmp_path: Path) -> None:
+def test_a_breach_is_reported_in_full_once(installed: Install, road: Path, tmp_path: Path) -> None:
     installed("again", STRAIGHT.replace("arange(21)", "arange(8)"))
     other = tmp_path / "other.xml"
     other.write_bytes(road.read_bytes())
@@ -136,7 +136,7 @@ def test_a_breach_is_told_in_full_once(installed: Install, road: Path, tmp_path:
     assert "broken on 2 of 2 scenarios" in output
 
 
-def test_what_an_import_raises_is_told_with_its_traceback(installed: Install, road: Path) -> None:
+def test_an_exception_during_import_is_reported_with_its_traceback(installed: Install, road: Path) -> None:
     installed("unimportable", STRAIGHT + "import absent_library\n")
     checked = command("check", "unimportable", road)
     assert checked.exit_code == 1
@@ -147,7 +147,7 @@ def test_what_an_import_raises_is_told_with_its_traceback(installed: Install, ro
 IDLE = STRAIGHT.replace('self.task.configuration.weights["slower_mps2"]', "0.0").replace('{"slower": slower}', "{}")
 
 
-def test_a_weight_that_changes_no_plan_is_noted_with_how_many_were_asked(installed: Install, road: Path) -> None:
+def test_a_weight_that_changes_no_plan_is_noted_with_the_number_of_observations(installed: Install, road: Path) -> None:
     installed("idle", IDLE)
     told = command("check", "idle", road).output
     asked = len(range(0, 21, 3))  # the drive of 2.1 s is planned every third step
@@ -181,7 +181,7 @@ def blocked(tmp_path: Path) -> Path:
     return replace(town_road().with_vehicles(car), problems=(problem,)).write(tmp_path / "blocked.xml")
 
 
-def test_a_blind_planner_is_told_to_hit_the_recorded_traffic(installed: Install, blocked: Path) -> None:
+def test_a_blind_planner_is_reported_to_hit_the_recorded_traffic(installed: Install, blocked: Path) -> None:
     installed("blind")
     checked = command("check", "blind", blocked)
     assert checked.exit_code == 0, "it judges the contract"
@@ -189,7 +189,7 @@ def test_a_blind_planner_is_told_to_hit_the_recorded_traffic(installed: Install,
     assert checked.output.splitlines()[-1] == "blind keeps its contract on 1 scenario; its drives: collision 1."
 
 
-def test_an_empty_road_has_to_be_asked_for_and_is_told(installed: Install, blocked: Path) -> None:
+def test_an_empty_road_must_be_requested_and_is_reported(installed: Install, blocked: Path) -> None:
     installed("blind")
     output = command("check", "blind", blocked, "--empty-road").output
     assert "on an empty road, as requested" in output
@@ -242,7 +242,7 @@ def test_the_published_schema_is_that_of_the_models(which: str) -> None:
     assert printed == (EXAMPLES / f"{which}.schema.json").read_text(encoding="utf-8")
 
 
-def test_an_answer_that_drives_is_one_of_the_schema() -> None:
+def test_an_answer_that_drives_matches_the_schema() -> None:
     import json
 
     request = CommandRequest(

@@ -110,7 +110,7 @@ def test_a_flag_wins_over_the_environment_and_that_over_the_file(monkeypatch: py
         (("--nominatim-url", "ftp://names.example"), "--nominatim-url: "),
     ],
 )
-def test_a_wrong_value_is_told_with_its_flag(words: tuple[str, ...], told: str) -> None:
+def test_a_wrong_value_is_reported_with_its_flag(words: tuple[str, ...], told: str) -> None:
     result, seen = settings_by(*words)
     assert (result.exit_code, seen) == (2, [])
     assert result.stderr.startswith(f"plannerforge: {told}")

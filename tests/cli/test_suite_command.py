@@ -66,7 +66,7 @@ def breaches(element: etree._Element) -> list[str]:
         ("<testcase name='a'><system-out/><failure/></testcase>", "order in testcase"),
     ],
 )
-def test_the_check_of_junit_files_sees_what_is_wrong(text: str, found: str) -> None:
+def test_the_check_of_junit_files_sees_faults(text: str, found: str) -> None:
     assert found in "; ".join(breaches(etree.fromstring(text)))
 
 
@@ -82,7 +82,7 @@ def written(folder: Path, **keys: object) -> Path:
     return path
 
 
-def test_limits_decide_the_exit_code_and_every_file_says_the_same(workspace: Path, tmp_path: Path) -> None:
+def test_limits_decide_the_exit_code_and_every_file_agrees(workspace: Path, tmp_path: Path) -> None:
     names = {flag: str(tmp_path / flag) for flag in ("junit", "summary", "report", "save-baseline")}
     flags = [part for flag, path in names.items() for part in (f"--{flag}", path)]
     held = run_suite(workspace, written(tmp_path), *flags)
@@ -136,14 +136,14 @@ def test_an_invalid_suite_exits_with_2_and_the_reason(
     assert "Traceback" not in result.output
 
 
-def test_hostile_files_are_no_suites(workspace: Path, tmp_path: Path) -> None:
+def test_hostile_files_are_not_suites(workspace: Path, tmp_path: Path) -> None:
     path = tmp_path / "suite.yaml"
     for text in ("a: &a [*a]", "- " * 9000, "limits: !!python/object:os.system {}", "[]", "\0"):
         path.write_text(text, encoding="utf-8")
         assert run_suite(workspace, path).exit_code == 2
 
 
-def test_the_outcomes_of_runs_are_told_apart_in_junit_and_markdown() -> None:
+def test_outcomes_of_runs_are_distinguished_in_junit_and_markdown() -> None:
     def case(outcome: str) -> dict[str, object]:
         ended = f"ended <as> {outcome}\x07|"
         return {

@@ -27,7 +27,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 @pytest.mark.usefixtures("starter_ready")
-def test_page_is_written_and_opened_where_there_is_a_screen(
+def test_a_page_is_written_and_opened_if_there_is_a_screen(
     settings: Settings, opened: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     command = ["view", SCENARIO, "--workspace", str(settings.workspace)]
@@ -56,7 +56,7 @@ def test_page_is_written_and_opened_where_there_is_a_screen(
         (["current"], "no view shows"),
     ],
 )
-def test_what_cannot_be_seen_is_refused(
+def test_artifacts_without_a_view_are_refused(
     settings: Settings, words: list[str], told: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sys.argv", ["plannerforge", "view", *words, "--workspace", str(settings.workspace)])

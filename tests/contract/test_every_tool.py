@@ -65,7 +65,7 @@ async def test_a_good_call_is_answered(spec: ToolSpec, prepared: Prepared, era: 
 
 
 @pytest.mark.parametrize(("tool", "bad"), BAD_CALLS, ids=[f"{tool}-{i}" for i, (tool, _) in enumerate(BAD_CALLS)])
-async def test_a_bad_call_is_refused_with_what_is_valid(
+async def test_a_bad_call_is_refused_with_the_valid_values(
     tool: str, bad: Bad, prepared: Prepared, shared_client: Client
 ) -> None:
     before = await _artifacts(shared_client)
@@ -81,7 +81,7 @@ async def test_a_bad_call_is_refused_with_what_is_valid(
     assert after == before
 
 
-async def test_a_reading_token_calls_each_tool_that_makes_nothing_and_no_other(prepared: Prepared, era: str) -> None:
+async def test_a_reading_token_calls_exactly_the_tools_that_create_no_artifacts(prepared: Prepared, era: str) -> None:
     tokens = (SecretStr(f"maker {WRITER}"), SecretStr(f"reader {READER} read-only"))
     own = prepared.settings.model_copy(update={"http_tokens": tokens})
     async with served(own, prepared.folder) as server, server.client(era, READER) as client:

@@ -57,7 +57,7 @@ def test_every_tool_that_makes_something_is_called() -> None:
 
 
 @pytest.mark.parametrize(("tool", "arguments"), MAKING, ids=[f"{i}-{case[0]}" for i, case in enumerate(MAKING)])
-async def test_each_artifact_that_a_call_made_is_linked_and_read(
+async def test_each_new_artifact_of_a_call_is_linked_and_readable(
     tool: str, arguments: dict[str, Any], prepared: Prepared
 ) -> None:
     """Itself, by the record of what is linked (the runs of a batch, the configurations of a study, by which its runs

@@ -57,14 +57,14 @@ async def test_the_call_in_the_metadata_is_the_one_in_the_text_and_is_answered(c
         ("modify_scenario", {"scenario_id": "unlike#1", "edits": []}),
     ],
 )
-async def test_an_unlike_scenario_leads_to_a_list_of_those_that_exist(
+async def test_an_unknown_scenario_leads_to_a_list_of_existing_ones(
     client: Client, tool: str, arguments: dict[str, Any]
 ) -> None:
     _, call = await refused(client, tool, arguments)
     assert call == {"tool": "list_artifacts", "arguments": {"kind": "scenario"}}
 
 
-async def test_a_scenario_that_exists_is_taken_over(client: Client) -> None:
+async def test_an_existing_scenario_is_kept_in_the_call(client: Client) -> None:
     _, call = await refused(client, "modify_scenario", {"scenario_id": SCENARIO, "edits": []})
     assert call == {"tool": "describe_scenario", "arguments": {"scenario_id": SCENARIO, "detail": "vehicles"}}
 
@@ -88,7 +88,7 @@ async def test_a_cancellation_is_never_proposed(client: Client, arguments: dict[
         ),
     ],
 )
-async def test_what_does_not_help_is_not_proposed(
+async def test_useless_calls_are_not_proposed(
     client: Client, tool: str, arguments: dict[str, Any], expected: dict[str, Any] | None
 ) -> None:
     _, call = await refused(client, tool, arguments)
@@ -131,7 +131,7 @@ async def test_a_wrong_word_or_number_leads_to_the_nearest_valid_one(
         ("generate_scenarios", {"conditions": ["weather=zzz"]}),
     ],
 )
-async def test_no_other_list_is_proposed_where_the_refusal_names_all_valid_values(
+async def test_no_other_list_is_proposed_if_the_refusal_names_all_valid_values(
     client: Client, tool: str, arguments: dict[str, Any]
 ) -> None:
     text, call = await refused(client, tool, arguments)
@@ -147,7 +147,7 @@ async def test_names_outside_the_roots_are_not_listed(client: Client, tmp_path: 
     assert "moved" not in text
 
 
-async def test_a_folder_that_cannot_be_listed_names_nothing(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_folder_that_cannot_be_listed_names_no_files(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(_: Path) -> None:
         raise PermissionError(13, "Permission denied")
 
@@ -157,7 +157,7 @@ async def test_a_folder_that_cannot_be_listed_names_nothing(client: Client, monk
     assert call == {"tool": "describe_catalog", "arguments": {}}
 
 
-async def test_a_defect_while_a_proposal_is_tried_is_logged_and_the_refusal_told(
+async def test_a_defect_while_a_proposal_is_tried_is_logged_and_the_refusal_returned(
     client: Client, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     tried = []
@@ -190,9 +190,7 @@ async def test_proposals_that_take_too_long_are_not_made(client: Client, monkeyp
     assert call["tool"] == "describe_scenario"
 
 
-async def test_a_chosen_vehicle_stands_in_the_call_that_is_proposed(
-    client: Client, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_chosen_vehicle_is_in_the_proposed_call(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
     async def chosen(_refusal: Any, arguments: Any, _call: Any) -> Any:
         edits = [edit.model_copy(update={"vehicles": ["32"]}) for edit in arguments.edits]
         return None if arguments.edits[0].vehicles == ["32"] else arguments.model_copy(update={"edits": edits})
@@ -222,12 +220,12 @@ async def test_a_proposal_that_is_refused_for_another_reason_is_mended_once_more
     assert not (await client.call_tool(call["tool"], call["arguments"] | {"dry_run": True})).is_error
 
 
-async def test_a_file_outside_the_roots_is_proposed_where_the_roots_have_it(client: Client, tmp_path: Path) -> None:
+async def test_a_file_outside_the_roots_is_proposed_inside_them(client: Client, tmp_path: Path) -> None:
     _, call = await refused(client, "import_files", {"path": "/rotos/town.xml"})
     assert call == {"tool": "import_files", "arguments": {"path": str(tmp_path / "roots" / "town.xml")}}
 
 
-async def test_a_trial_does_not_move_what_latest_means(client: Client) -> None:
+async def test_a_trial_does_not_move_latest(client: Client) -> None:
     before = await client.call_tool("describe_scenario", {"scenario_id": "latest"})
     await refused(client, "describe_scenario", {"scenario_id": SCENARIO, "detail": "lanelts"})
     after = await client.call_tool("describe_scenario", {"scenario_id": "latest"})
@@ -246,7 +244,7 @@ async def test_a_trial_does_not_move_what_latest_means(client: Client) -> None:
         ("generate_scenarios", {"cover": ["density=low|extreme"]}, {"cover": ["density=low"]}),
     ],
 )
-async def test_what_can_be_computed_is_mended(
+async def test_computable_values_are_corrected(
     client: Client, tool: str, arguments: dict[str, Any], expected: dict[str, Any]
 ) -> None:
     _, call = await refused(client, tool, arguments)

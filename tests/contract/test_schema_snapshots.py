@@ -38,19 +38,19 @@ def test_the_schema_of_a_tool_is_the_one_in_its_snapshot(spec: ToolSpec, request
 
 
 @pytest.mark.parametrize("spec", TOOLS, ids=lambda spec: spec.name)
-def test_what_the_server_sends_is_what_the_models_say(spec: ToolSpec) -> None:
+def test_the_server_s_schemas_match_the_models(spec: ToolSpec) -> None:
     assert described_tool(spec) == tool_description(spec)
 
 
 @pytest.mark.parametrize("spec", TOOLS, ids=lambda spec: spec.name)
-def test_a_tool_has_its_title_where_older_clients_look_for_it_too(spec: ToolSpec) -> None:
+def test_a_tool_has_its_title_also_for_older_clients(spec: ToolSpec) -> None:
     tool = described_tool(spec)
     assert tool.title == spec.title
     assert tool.annotations is not None
     assert tool.annotations.title == spec.title
 
 
-def test_there_is_no_snapshot_without_a_tool() -> None:
+def test_every_snapshot_belongs_to_a_tool() -> None:
     assert {path.stem for path in SNAPSHOTS.glob("*.json")} == {spec.name for spec in TOOLS}
 
 

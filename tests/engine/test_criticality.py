@@ -52,7 +52,7 @@ def test_only_a_vehicle_ahead_in_the_path_gives_a_headway(other: Track) -> None:
     assert measured(straight(), other)[2] is None
 
 
-def test_a_lead_behind_a_bend_is_ahead_on_the_driven_path_not_on_the_heading() -> None:
+def test_a_leader_beyond_a_curve_is_ahead_on_the_driven_path_not_along_the_heading() -> None:
     angles = np.linspace(0.0, math.pi / 2, 21)
     bend = driven(20.0 * np.column_stack([np.sin(angles), 1 - np.cos(angles)]), angles, 10.0)
     lead = track(20.0, 20.0, 0.0, heading=math.pi / 2, steps=5)
@@ -72,7 +72,7 @@ def test_standing_obstacles_count_at_every_step_and_an_overlap_is_a_collision() 
     assert measured(states, standing=(track(9.0, 0.0, 0.0, steps=0),))[3] == 0
 
 
-def test_an_ego_that_stands_has_no_headway() -> None:
+def test_a_standing_ego_has_no_headway() -> None:
     assert measured(straight(0.0), track(10.0, 0.0, 0.0))[2] is None
 
 
@@ -95,7 +95,7 @@ def test_risk_is_the_mean_of_a_distance_and_a_time_level(gap: float, time: float
 
 
 @pytest.mark.parametrize("turns", [-1, 0, 1])
-def test_a_vehicle_at_the_same_place_is_not_ahead_whatever_rounding_says(turns: int) -> None:
+def test_a_vehicle_at_the_same_place_is_not_ahead_despite_rounding(turns: int) -> None:
     ego = straight()
     ego = driven(ego.positions, ego.headings_rad + turns * 2 * math.pi, 10.0)
     assert measured(ego, track(1e-9, 0.5, 10.0))[2] is None

@@ -7,7 +7,7 @@ import pytest
 from lxml import etree
 from support.builders import town_road
 
-from benchmarks.symmetries.answers import CHEAP, Asked
+from benchmarks.symmetries.answers import CHEAP, TranslatedFile
 from benchmarks.symmetries.cases import DOCUMENT, Task, alike, measure
 from benchmarks.symmetries.relations import RELATIONS, Frame, read_root, write_root
 from plannerforge.engine.commonroad.document import schema_errors
@@ -22,12 +22,12 @@ def broken(path: Path, relation: str, judges: tuple[str, ...] = JUDGES, seed: in
 
 
 @pytest.mark.parametrize("relation", RELATIONS)
-def test_a_town_road_says_the_same(relation: str, tmp_path: Path) -> None:
+def test_a_town_road_is_invariant(relation: str, tmp_path: Path) -> None:
     assert broken(town_road().write(tmp_path / "town.xml"), relation, (*JUDGES, "checks", "description")) == []
 
 
 @pytest.mark.parametrize("relation", RELATIONS)
-def test_real_files_say_the_same(relation: str, shared_data: Path) -> None:
+def test_real_files_are_invariant(relation: str, shared_data: Path) -> None:
     folder = shared_data / "data" / "commonroad"
     assert [text for name in FILES for text in broken(folder / f"{name}.xml", relation)] == []
 
@@ -52,7 +52,7 @@ def test_the_judges_see_a_car_that_is_a_metre_off(tmp_path: Path) -> None:
     assert place is not None
     place.text = str(float(place.text or "") + 1.0)
     write_root(root, tmp_path / "off.xml")
-    before, after = (CHEAP["recording"](Asked(one, Frame())) for one in (path, tmp_path / "off.xml"))
+    before, after = (CHEAP["recording"](TranslatedFile(one, Frame())) for one in (path, tmp_path / "off.xml"))
     assert not all(alike(before[key], after[key], 0.1) for key in before)
 
 
@@ -65,7 +65,7 @@ def test_figures_are_alike_within_the_law_and_words_exactly() -> None:
     assert alike(np.array([1.0, np.nan]), np.array([1.0, np.nan]), 0.0)
 
 
-def test_what_is_written_otherwise_is_still_valid(shared_data: Path, tmp_path: Path) -> None:
+def test_rewritten_files_are_still_valid(shared_data: Path, tmp_path: Path) -> None:
     root = read_root(shared_data / "data" / "commonroad" / "DEU_Moelln-7_1_T-1.xml")
     write_root(root, tmp_path / "first.xml")
     known = set(schema_errors(tmp_path / "first.xml"))

@@ -24,7 +24,7 @@ def test_a_slower_vehicle_ahead_is_reached_after_the_gap_over_the_closing_speed(
     assert time_to_collision_s(body(0, 0, 0, 15), body(34.5, 0, 0, 5)) == pytest.approx(3.0)
 
 
-def test_crossing_courses_meet_where_both_are_at_once() -> None:
+def test_crossing_courses_meet_if_both_arrive_at_once() -> None:
     # the other's front reaches the ego's lane edge after (20 − 0.9 − 2.25) / 10 s, the ego is there from 1.285 s on
     assert time_to_collision_s(body(-16, 0, 0, 10), body(0, -20, math.pi / 2, 10)) == pytest.approx(1.685)
 
@@ -40,7 +40,7 @@ def test_an_adjacent_vehicle_at_an_angle_is_not_yet_hit() -> None:
     [body(-30, 0, 0, 5), body(30, 4, 0, 0), body(30, 0, 0, 15), body(30, 0, 0, 20)],
     ids=["behind and slower", "in the next lane", "as fast", "faster"],
 )
-def test_courses_that_never_meet_have_none(other: MovingRectangles) -> None:
+def test_courses_that_never_meet_have_no_time_to_collision(other: MovingRectangles) -> None:
     assert time_to_collision_s(body(0, 0, 0, 15), other) is None
 
 
@@ -68,7 +68,7 @@ def test_the_rectangles_touch_at_that_time_and_not_before(
         assert not any(overlap(at, 1e-6) for at in before)
 
 
-def test_many_pairs_give_what_each_gives_alone() -> None:
+def test_many_pairs_give_the_same_as_each_alone() -> None:
     rows = [(20.0, 1.0, 0.2, 3.0), (-5.0, 12.0, -1.2, 9.0), (3.0, 0.5, 0.0, 0.0)]
     others = MovingRectangles(
         np.array([row[:2] for row in rows]),
@@ -82,5 +82,5 @@ def test_many_pairs_give_what_each_gives_alone() -> None:
     assert [float(t) if math.isfinite(t) else None for t in together] == alone
 
 
-def test_corners_are_those_of_an_oriented_rectangle() -> None:
+def test_corners_match_an_oriented_rectangle() -> None:
     assert corners_of(body(3, 4, 0.7, 1))[0] == pytest.approx(oriented_rectangle(np.array([3, 4]), 0.7, SIZE))

@@ -27,7 +27,7 @@ def written(rows: list[Row]) -> list[str]:
     return [table.to_markdown() for table in tables_of(rows)]
 
 
-async def test_a_killed_evaluation_goes_on_and_gives_the_same_tables(tmp_path: Path) -> None:
+async def test_a_killed_evaluation_continues_and_gives_the_same_tables(tmp_path: Path) -> None:
     program = CHECKOUT / "tests" / "support" / "evaluations.py"
     ended = subprocess.run([sys.executable, str(program), str(tmp_path / "killed"), "sel-007"], check=False)
     assert ended.returncode == -9
@@ -86,7 +86,7 @@ def test_two_evaluations_do_not_write_to_one_file(tmp_path: Path) -> None:
         pass
 
 
-def test_a_folder_holds_one_evaluation(tmp_path: Path) -> None:
+def test_a_folder_contains_one_evaluation(tmp_path: Path) -> None:
     corpus = tmp_path / "selection.jsonl"
     corpus.write_text(line_of(request(1)) + "\n")
     settle(tmp_path / "out", evaluation(CountingAgent()), [corpus])
@@ -136,7 +136,7 @@ def test_every_table_of_the_paper_has_ten_models_a_condition(corpus: str) -> Non
         assert {len(figures) for _, figures in rows} == {len(table.columns)}
 
 
-def test_the_papers_figures_are_those_of_its_transcription(shared_data: Path) -> None:
+def test_the_paper_s_figures_match_its_transcription(shared_data: Path) -> None:
     import json
 
     facts = json.loads((shared_data / "facts" / "results.json").read_text(encoding="utf-8"))
@@ -161,7 +161,7 @@ def test_a_stage_of_conversations_is_reached_past_right_stages_only() -> None:
     assert ("paper: API", "End to end", "200", "165", "-", "83", "126", "42.5") in chain.paper
 
 
-def test_the_report_shows_a_miss_with_its_calls_and_escapes_what_was_said() -> None:
+def test_the_report_shows_a_miss_with_its_calls_and_escapes_its_text() -> None:
     one = request(1, category="<b>plain</b>")
     missed = row_of(
         one,
@@ -178,7 +178,7 @@ def test_the_report_shows_a_miss_with_its_calls_and_escapes_what_was_said() -> N
     assert "http" not in page.replace("http-equiv", "")
 
 
-def test_a_comparison_pairs_by_request_and_names_what_flipped() -> None:
+def test_a_comparison_pairs_by_request_and_names_flips() -> None:
     first = [row(number, done=number in (0, 1)) for number in range(8)]
     second = [row(number, done=number != 1) for number in range(8)] + [row(9)]
     found = compare_rows(first, second)
@@ -196,7 +196,7 @@ def test_evaluations_of_other_requests_are_not_compared() -> None:
         compare_rows([row(1)], [row(2)])
 
 
-def test_a_corpus_line_that_is_no_request_is_named(tmp_path: Path) -> None:
+def test_an_invalid_corpus_line_is_named(tmp_path: Path) -> None:
     path = tmp_path / "selection.jsonl"
     path.write_text(line_of(request(1)) + '\n{"id": "sel-2"}\n')
     with pytest.raises(InvalidRequest, match=r"line 2 of selection\.jsonl is not a request: task is missing"):

@@ -35,7 +35,7 @@ def request_of(task: Any, truth: dict[str, Any], expect: Any = "ok", corpus: str
     return EvalRequest("one", task, corpus or task, "do it", truth, expect, map_file="fahrhausen.osm")
 
 
-async def test_a_generation_is_done_where_the_file_holds_what_was_asked_for(tmp_path: Path) -> None:
+async def test_a_generation_is_done_if_the_file_matches_the_request(tmp_path: Path) -> None:
     made = await carried_out(tmp_path)
     truth = {
         "location": {"country": "ZAM", "city": "Fahrhausen", "place": None, "bbox": None},
@@ -76,7 +76,7 @@ async def test_an_edit_is_judged_by_the_written_file(tmp_path: Path) -> None:
     assert not score_attempt(request, attempt_of(made[0]), tmp_path / "workspace").done
 
 
-async def test_weights_are_those_of_the_stored_configuration(tmp_path: Path) -> None:
+async def test_weights_come_from_the_stored_configuration(tmp_path: Path) -> None:
     made = await carried_out(tmp_path, Call("configure_planner", {"weights": ["jerk=0.3"], "base": "frenetix:Default"}))
     weights = {
         "acceleration": 0,
@@ -132,7 +132,7 @@ class Recorder:
         return MadeCall(tool, arguments, text, {}, bool(wrong), 0.0, turn)
 
 
-async def test_spoiled_calls_are_mended_by_what_the_refusal_names() -> None:
+async def test_spoiled_calls_are_corrected_from_their_refusal() -> None:
     truth = {"edits": [{"op": "remove_vehicle", "selector": {"by": "ids", "ids": [7]}, "vehicle_ids": [7]}]}
     request = replace(request_of("modification", truth, corpus="modification_P"), scenario="DEU_A-1_1_T-1.xml")
     never, recorder = SpoilRates(*[0.0] * 10), Recorder()

@@ -36,7 +36,7 @@ def test_every_packaged_corpus_has_twenty_requests_of_several_kinds(name: str) -
     assert name == "e2e" or len({request.expect for request in requests}) >= 2
 
 
-def test_packaged_requests_name_only_what_comes_with_the_package(materials: Materials) -> None:
+def test_packaged_requests_use_only_packaged_data(materials: Materials) -> None:
     scenarios = {one.name for one in materials.scenarios}
     maps = {one.file_name for one in materials.maps}
     for path in corpus_files(packaged_corpora(), "all"):
@@ -45,7 +45,7 @@ def test_packaged_requests_name_only_what_comes_with_the_package(materials: Mate
             assert request.map_file is None or request.map_file in maps
 
 
-def test_packaged_searches_have_the_matches_that_the_facts_say(materials: Materials) -> None:
+def test_packaged_searches_have_the_matches_of_the_facts(materials: Materials) -> None:
     facts = {one.facts.scenario_id: one.facts for one in materials.scenarios}
     for request in read_corpus(packaged_corpora() / "selection.jsonl"):
         if request.expect != "ok":
@@ -104,7 +104,7 @@ def test_a_scenario_is_on_one_side_of_the_split(materials: Materials, tmp_path: 
     assert sum(len(read_corpus(path)) for path in written) == sum(map(len, lines.values()))
 
 
-def test_an_edit_that_is_asked_for_can_be_carried_out_and_one_to_be_refused_is(
+def test_a_requested_edit_can_be_carried_out_and_an_impossible_one_is_refused(
     materials: Materials, tmp_path: Path
 ) -> None:
     small = [one for one in materials.scenarios if one.facts.scenario_id.startswith("ZAM_Fahrhausen-4")]
@@ -138,6 +138,6 @@ def test_an_edit_that_is_asked_for_can_be_carried_out_and_one_to_be_refused_is(
             apply_edits(request, silent)
 
 
-def test_without_scenarios_there_is_nothing_to_ask_about(materials: Materials) -> None:
+def test_without_scenarios_there_are_no_requests(materials: Materials) -> None:
     with pytest.raises(InvalidRequest, match="no scenario"):
         make_corpora(Materials((), materials.maps), QUICK, 5, 1)

@@ -70,7 +70,7 @@ def test_marks_note_when_each_request_began_and_ended(tmp_path: Path) -> None:
         (("eval", "selection", "--agent", "ollama:"), "is not a model name"),
     ],
 )
-def test_what_is_named_wrongly_is_told_in_a_line(
+def test_an_invalid_name_is_reported_in_one_line(
     arguments: tuple[str, ...], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -81,7 +81,7 @@ def test_what_is_named_wrongly_is_told_in_a_line(
     assert "Traceback" not in printed
 
 
-async def test_results_are_printed_and_written_anew(tmp_path: Path) -> None:
+async def test_results_are_printed_and_written_again(tmp_path: Path) -> None:
     await evaluate(requests(4), evaluation(CountingAgent(frozenset({"sel-002"}))), tmp_path / "a", echo_session)
     shown = Console(file=io.StringIO(), width=160)
     assert print_results(tmp_path / "a", shown) == 0
@@ -121,9 +121,7 @@ async def test_a_model_makes_calls_and_its_tokens_are_counted(monkeypatch: pytes
     assert attempt.completion_tokens > 0
 
 
-async def test_an_evaluation_ends_where_the_model_server_is_gone(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+async def test_an_evaluation_ends_if_the_model_server_is_lost(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     with serving("ollama", replies(Reply("Hello."))) as server:
         monkeypatch.setenv("PLANNERFORGE_AGENT_HOST", server.url)
         agent, _ = open_agent(named("ollama", server.url), "cp", seed=1)
@@ -133,7 +131,7 @@ async def test_an_evaluation_ends_where_the_model_server_is_gone(
     assert isinstance(agent, ModelAgent)
 
 
-def test_the_ground_truth_does_packaged_requests_and_an_evaluation_goes_on(tmp_path: Path) -> None:
+def test_the_ground_truth_carries_out_packaged_requests_and_an_evaluation_continues(tmp_path: Path) -> None:
     shown = Console(file=io.StringIO(), width=160)
     out = tmp_path / "out"
     assert run_evaluation(EvaluationOrder("selection", "oracle", "cp", out=out, limit=2), shown) == 0
@@ -142,7 +140,7 @@ def test_the_ground_truth_does_packaged_requests_and_an_evaluation_goes_on(tmp_p
     assert [json.loads(line)["score"]["done"] for line in lines] == [True] * 4
 
 
-def test_every_kind_of_misbehaviour_has_a_test_that_stands_for_it() -> None:
+def test_every_kind_of_misbehaviour_has_a_test() -> None:
     names = re.findall(r"def (test_\w+)", (CHECKOUT / "tests" / "agent" / "test_misbehaviour.py").read_text("utf-8"))
     assert len(MISBEHAVIOURS) >= 15
     assert [

@@ -29,7 +29,7 @@ def routing(text: str, actions: list[str], letters: str = "") -> EvalRequest:
         ("Sing a song", ("fail", "")),
     ],
 )
-def test_regex_takes_the_first_class_whose_pattern_occurs(text: str, expected: tuple[str, str]) -> None:
+def test_regex_chooses_the_first_class_with_a_matching_pattern(text: str, expected: tuple[str, str]) -> None:
     assert class_of(text) == expected
 
 

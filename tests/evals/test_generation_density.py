@@ -32,6 +32,6 @@ def test_a_density_is_met_within_a_quarter_of_its_target(vehicles: int, met: boo
     assert verdict.honest is met
 
 
-def test_a_missed_density_is_honest_where_a_note_says_so() -> None:
+def test_a_missed_density_is_honest_if_a_note_reports_it() -> None:
     assert judged(30, "high", "high density missed: 15 vehicles per lane-km").honest
     assert not judged(30, "high", "30 of 56 vehicles found room on the roads of the site").honest

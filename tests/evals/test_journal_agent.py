@@ -55,7 +55,7 @@ def mark(request_id: str, began_s: float, ended_s: float, **fields: Any) -> dict
     return {"request_id": request_id, "began_s": began_s, "ended_s": ended_s, **fields}
 
 
-async def test_calls_within_the_marks_are_made_again_and_refusals_kept(tmp_path: Path) -> None:
+async def test_calls_within_the_marks_are_repeated_and_refusals_kept(tmp_path: Path) -> None:
     agent = agent_of(tmp_path, mark("sel-001", 20, 25), mark("sel-002", 30, 35))
     attempt = await agent.attempt(request(1), EchoSession(tmp_path))
     assert [(call.is_error, dict(call.arguments)) for call in attempt.calls] == [
@@ -66,13 +66,13 @@ async def test_calls_within_the_marks_are_made_again_and_refusals_kept(tmp_path:
     assert "lorry" in attempt.calls[0].text
 
 
-async def test_how_a_client_ended_comes_from_the_mark(tmp_path: Path) -> None:
+async def test_a_client_s_ending_comes_from_the_mark(tmp_path: Path) -> None:
     agent = agent_of(tmp_path, mark("sel-001", 50, 55, ending="asked"))
     attempt = await agent.attempt(request(1), EchoSession(tmp_path))
     assert (attempt.ending, attempt.calls) == ("asked", ())
 
 
-async def test_turns_of_a_conversation_have_marks_of_their_own(tmp_path: Path) -> None:
+async def test_turns_of_a_conversation_have_their_own_marks(tmp_path: Path) -> None:
     agent = agent_of(tmp_path, mark("e2e-001", 30, 35, turn=1), mark("e2e-001", 20, 25))
     attempt = await agent.attempt(request(1, "e2e"), EchoSession(tmp_path))
     assert [call.turn for call in attempt.calls] == [0, 0, 1]
@@ -86,7 +86,7 @@ async def test_turns_of_a_conversation_have_marks_of_their_own(tmp_path: Path) -
         ([mark("sel-001", 30, 35)], RefusingSession, "refused now: no such id"),
     ],
 )
-async def test_what_cannot_be_made_again_fails_with_the_reason(
+async def test_an_irreproducible_step_fails_with_the_reason(
     marks: list[dict[str, Any]], session: type[EchoSession], told: str, tmp_path: Path
 ) -> None:
     attempt = await agent_of(tmp_path, *marks).attempt(request(1), session(tmp_path))
@@ -103,7 +103,7 @@ async def test_older_files_of_a_journal_are_read_too(tmp_path: Path) -> None:
     assert (len(attempt.calls), fresh) == (2, False)
 
 
-def test_marks_that_cannot_be_read_are_told_by_line(tmp_path: Path) -> None:
+def test_unreadable_marks_are_reported_by_line(tmp_path: Path) -> None:
     with pytest.raises(InvalidRequest, match=r"line 2 of .*marks.jsonl"):
         agent_of(tmp_path, mark("sel-001", 20, 25), {"request_id": "sel-002"})
 
@@ -114,7 +114,7 @@ def test_a_journal_without_readable_files_is_refused(argument: str) -> None:
         open_journal(f"journal:{argument}", argument)
 
 
-def test_clients_are_asked_turn_by_turn_until_the_ending_is_a_valid_word(tmp_path: Path) -> None:
+def test_clients_are_prompted_turn_by_turn_until_the_ending_is_a_valid_word(tmp_path: Path) -> None:
     turns = (EvalTurn("First.", "select", {}, "ok"), EvalTurn("Second.", "test", {}, "ok"))
     said, shown = iter(["", "askd", "asked"]), list[str]()
     talk = request(1, "e2e", turns=turns)

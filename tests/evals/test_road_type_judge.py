@@ -129,7 +129,7 @@ def test_houses_land_and_limits_tell_of_a_town(evidence: MapEvidence) -> None:
     assert shows_type(made([SECONDARY]), "urban", evidence)
 
 
-def test_roads_without_a_name_are_not_taken_for_two_sides_of_one() -> None:
+def test_roads_without_a_name_are_not_two_sides_of_one_road() -> None:
     fork = [replace(road, name="") for road in CARRIAGEWAYS]
     fork[0] = replace(fork[0], points=[(0, 0), (-60, 45)])
     assert shows_type(made([ARMS[0], *fork]), "intersection", NOTHING)
@@ -141,7 +141,7 @@ def test_town_and_country_are_never_both() -> None:
             assert shows_type(files, "urban", evidence) != shows_type(files, "rural", evidence)
 
 
-def test_a_trunk_road_is_a_highway_where_the_map_has_no_motorway() -> None:
+def test_a_trunk_road_is_a_highway_if_the_map_has_no_motorway() -> None:
     files = made([replace(MOTORWAY, kind=TRUNK), LINK], [("main", "slip")])
     assert shows_type(files, "highway", FAST)
     assert not shows_type(files, "highway", SLOW)

@@ -37,7 +37,7 @@ def folder(tmp_path: Path) -> Path:
     return folder
 
 
-async def test_a_folder_goes_in_without_what_is_refused(connect: Connect, bare: Settings, folder: Path) -> None:
+async def test_a_folder_is_imported_without_refused_files(connect: Connect, bare: Settings, folder: Path) -> None:
     async with connect(bare) as client:
         failed, text, first = await call(client, "import_files", path=str(folder))
         assert not failed, text
@@ -55,7 +55,7 @@ async def test_a_folder_goes_in_without_what_is_refused(connect: Connect, bare: 
         assert "30 m ahead, same lane" in text
 
 
-async def test_a_changed_file_is_a_new_version_and_takes_the_place_of_the_old(
+async def test_a_changed_file_is_a_new_version_and_replaces_the_old_one(
     connect: Connect, bare: Settings, folder: Path
 ) -> None:
     async with connect(bare) as client:
@@ -125,7 +125,7 @@ async def test_measures_are_compared_and_sorted_by(connect: Connect, settings: S
         assert times == sorted(times)
 
 
-async def test_a_diverse_choice_says_what_it_covers(connect: Connect, settings: Settings) -> None:
+async def test_a_diverse_choice_states_its_coverage(connect: Connect, settings: Settings) -> None:
     async with connect(settings) as client:
         _, text, found = await call(client, "find_scenarios", diverse=3)
         assert len(found["matches"]) == 3
@@ -171,7 +171,9 @@ async def test_a_weight_file_becomes_a_configuration(connect: Connect, bare: Set
         assert "not a finite number" in made["refusals"][0]["reason"]
 
 
-async def test_an_empty_result_says_why_and_keeps_its_fallback_apart(connect: Connect, settings: Settings) -> None:
+async def test_an_empty_result_gives_the_reason_and_keeps_its_fallback_apart(
+    connect: Connect, settings: Settings
+) -> None:
     async with connect(settings) as client:
         _, text, found = await call(client, "find_scenarios", tags=["race_track"], country="ZAM")
         assert found["matches"] == []
@@ -220,7 +222,7 @@ async def test_bad_calls_are_refused(
         assert expected in text
 
 
-async def test_a_damaged_text_index_is_made_anew_and_the_answer_says_so(
+async def test_a_damaged_text_index_is_rebuilt_and_the_answer_says_so(
     connect: Connect, bare: Settings, folder: Path
 ) -> None:
     async with connect(bare) as client:

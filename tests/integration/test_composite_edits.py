@@ -66,9 +66,7 @@ async def test_one_call_equals_one_call_for_each_edit(
     assert together == one_by_one
 
 
-async def test_what_a_call_names_as_new_is_what_that_call_adds(
-    connect: Connect, settings: Settings, base: Path
-) -> None:
+async def test_a_call_reports_as_new_only_what_it_adds(connect: Connect, settings: Settings, base: Path) -> None:
     split = await modified(connect, settings, base, [[WALKER], [ADD, SLOW_NEW]])
     ids = [{"op": "set_speed", "vehicles": ["new:1"], "speed": "3m/s"}]
     assert await modified(connect, settings, base, [[WALKER, ADD, *ids]]) == split

@@ -25,7 +25,7 @@ async def answer(client: Client, tool: str, arguments: dict[str, Any]) -> tuple[
     return text, result.structured_content or {}
 
 
-async def test_every_recipe_does_what_the_page_says(connect: Connect) -> None:
+async def test_every_recipe_has_the_documented_result(connect: Connect) -> None:
     recipes = RECIPE.findall(PAGE)
     assert len(recipes) == PAGE.count("\n## ")
     async with connect() as client:
@@ -51,7 +51,7 @@ OTHER_VALUES: dict[str, tuple[dict[str, Any], int]] = {
 """What the page says of values beside its recipes: the edit, and the risk score that it leads to."""
 
 
-async def test_what_the_page_says_of_other_values_holds(connect: Connect) -> None:
+async def test_documented_values_next_to_the_recipes_are_right(connect: Connect) -> None:
     scores = {}
     async with connect() as client:
         for name, (edit, _) in OTHER_VALUES.items():

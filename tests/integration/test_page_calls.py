@@ -54,6 +54,6 @@ async def test_every_call_of_a_page_is_answered(page: str, connect: Connect, tmp
                 await answered(client, tool, json.loads(text))
 
 
-def test_pages_whose_calls_are_not_made_here_show_some() -> None:
+def test_pages_with_calls_that_are_not_made_here_show_some() -> None:
     pages = {page.relative_to(CHECKOUT).as_posix() for page in PAGES}
     assert ELSEWHERE.keys() <= {page for page, _, _ in shown_calls()} <= pages

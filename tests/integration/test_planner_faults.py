@@ -176,7 +176,7 @@ async def test_workers_killed_at_random_lose_no_run(
     assert list(stored_runs(tmp_path).values()) == [1] * 9
 
 
-async def test_full_disk_while_a_run_is_written_leaves_nothing_of_it(
+async def test_a_full_disk_while_a_run_is_written_leaves_no_files(
     served: Any, files: Path, faults: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_text, copyfile = Path.write_text, shutil.copyfile
@@ -205,7 +205,9 @@ async def test_full_disk_while_a_run_is_written_leaves_nothing_of_it(
         assert (await ask("run_planner", scenarios=["preset:2"], wait_s=50))["finished"] == 2
 
 
-async def test_cancelled_batch_keeps_what_is_finished(served: Any, files: Path, faults: Path, tmp_path: Path) -> None:
+async def test_a_cancelled_batch_keeps_its_finished_runs(
+    served: Any, files: Path, faults: Path, tmp_path: Path
+) -> None:
     (faults / scenario_id(3)).write_text("hang")
     scenarios = [scenario_id(number) for number in (1, 2, 3)]
     async with served(workers=1) as ask:
@@ -234,9 +236,7 @@ def server(tmp_path: Path) -> Iterator[Callable[..., StdioServer]]:
         one.kill()
 
 
-def test_killed_server_takes_up_its_batch_where_it_was(
-    server: Callable[..., StdioServer], files: Path, tmp_path: Path
-) -> None:
+def test_a_killed_server_resumes_its_batch(server: Callable[..., StdioServer], files: Path, tmp_path: Path) -> None:
     first = server("--workers", "1")
     first.call("import_files", path=str(files))
     grid = {"scenarios": ["preset:9"], "configs": ["frenetix:Default", "frenetix:Safety"]}
@@ -253,7 +253,7 @@ def test_killed_server_takes_up_its_batch_where_it_was(
     assert list(stored_runs(tmp_path).values()) == [1] * 18
 
 
-async def test_two_servers_on_one_workspace_lose_nothing_and_do_nothing_twice(
+async def test_two_servers_on_one_workspace_lose_no_work_and_repeat_none(
     server: Callable[..., StdioServer], files: Path, tmp_path: Path
 ) -> None:
     servers = [server("--workers", "1"), server("--workers", "1")]

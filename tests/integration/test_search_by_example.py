@@ -42,7 +42,7 @@ def folder(tmp_path: Path) -> Path:
     return folder
 
 
-async def test_the_example_is_not_among_what_is_like_it(connect: Connect, bare: Settings, folder: Path) -> None:
+async def test_the_example_is_not_among_its_similar_scenarios(connect: Connect, bare: Settings, folder: Path) -> None:
     async with connect(bare) as client:
         await call(client, "import_files", path=str(folder))
         whole = await call(client, "find_scenarios", like=EXAMPLE, method="bm25")

@@ -10,7 +10,7 @@ from support.tree import CHECKOUT, loaded_script
 NOTEBOOK = CHECKOUT / "docs" / "examples" / "thirty_runs.ipynb"
 
 
-def test_the_notebook_holds_the_cells_that_were_run() -> None:
+def test_the_notebook_contains_the_executed_cells() -> None:
     stored = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
     written = loaded_script("record_notebook").cells()
     assert ["".join(cell["source"]) for cell in stored] == [cell["source"] for cell in written]

@@ -13,6 +13,7 @@ from support.builders import town_road
 from plannerforge.engine.planners import Observation, Plan, PlannedTrajectory, PlanningTask
 from plannerforge.library import Workspace
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
+from plannerforge.schemas.worlds import World
 from plannerforge.tools.registry import TOOLS
 
 METHODS = {
@@ -101,7 +102,7 @@ def test_several_runs_are_a_batch_that_can_be_analysed_and_compared(workspace: W
     assert len(workspace.compare(runs).sides) == 2
 
 
-def test_objects_of_one_class_are_told_apart_by_names_of_the_callers(workspace: Workspace) -> None:
+def test_objects_of_one_class_are_distinguished_by_the_callers_names(workspace: Workspace) -> None:
     one, two = Straight(0.1), Straight(0.2)
     runs = workspace.run(scenario_of(workspace), {"gentle": one, "brisk": two})
     assert [run.record.planner for run in runs] == ["gentle", "brisk"]
@@ -120,7 +121,7 @@ class Interrupted(Straight):
         return super().plan(observation)
 
 
-def test_an_interrupted_batch_ends_and_the_same_call_goes_on(workspace: Workspace) -> None:
+def test_an_interrupted_batch_ends_and_the_same_call_continues_it(workspace: Workspace) -> None:
     planners = ["idm:Default", Interrupted()]
     with pytest.raises(KeyboardInterrupt):
         workspace.run(scenario_of(workspace), planners)
@@ -135,7 +136,7 @@ def test_a_closed_workspace_says_so(tmp_path: Path) -> None:
         closed.artifacts()
 
 
-def test_a_program_that_closes_nothing_ends(tmp_path: Path) -> None:
+def test_a_program_that_closes_no_workspace_ends(tmp_path: Path) -> None:
     opened = f"pf.Workspace({str(tmp_path / 'open')!r}, workers=1, starter=False)"
     program = f"import plannerforge as pf; workspace = {opened}; workspace.artifacts()"
     assert subprocess.run([sys.executable, "-c", program], timeout=60, check=False).returncode == 0
@@ -162,7 +163,7 @@ def test_a_run_is_driven_on_from_a_moment_by_another_planner(workspace: Workspac
         run.at(1e6).resume(other)
 
 
-def test_what_is_no_planner_and_what_is_unknown_is_refused(workspace: Workspace) -> None:
+def test_invalid_planners_and_unknown_names_are_refused(workspace: Workspace) -> None:
     with pytest.raises(InvalidRequest):
         workspace.run(scenario_of(workspace), 3)  # type: ignore[arg-type]
     with pytest.raises(UnknownName):
@@ -171,7 +172,7 @@ def test_what_is_no_planner_and_what_is_unknown_is_refused(workspace: Workspace)
         workspace.describe(scenario_of(workspace), detial="full")
 
 
-def test_a_planner_that_fails_raises_and_the_workspace_goes_on(workspace: Workspace) -> None:
+def test_a_planner_that_fails_raises_and_the_workspace_stays_usable(workspace: Workspace) -> None:
     class Broken(Straight):
         """Has no plan."""
 
@@ -202,3 +203,11 @@ def test_importing_the_package_loads_only_the_standard_library() -> None:
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=Path.home())
     loaded = {name.partition(".")[0] for name in done.stdout.split()}
     assert loaded <= {"plannerforge", *sys.stdlib_module_names}
+
+
+def test_a_world_is_given_as_text_or_as_an_object(workspace: Workspace) -> None:
+    scenario = scenario_of(workspace)
+    by_text = workspace.run(scenario, Straight(), world="occlusion, seed=2")
+    by_object = workspace.run(scenario, Straight(), world=World(visible=0.2, seed=2))
+    assert by_text.result_ids == by_object.result_ids
+    assert by_object[0].record.world == World(visible=0.2, seed=2)

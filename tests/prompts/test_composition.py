@@ -119,7 +119,7 @@ def test_demonstrations_show_calls_and_a_refusal(task: str) -> None:
 @pytest.mark.anyio
 @pytest.mark.usefixtures("starter_ready")
 @pytest.mark.parametrize("task", TASKS)
-async def test_demonstrations_come_out_as_they_say(connect: Any, task: str) -> None:
+async def test_demonstrations_give_the_stated_results(connect: Any, task: str) -> None:
     async with connect() as client:
         for step in demonstrated(task_parts(task)["Demonstrations"]):
             result = await client.call_tool(step.tool, step.arguments)

@@ -15,9 +15,9 @@ from plannerforge.schemas.errors import (
     UnexpectedFailure,
     UnknownName,
     UnsafeInput,
-    as_told,
     closest,
     error_classes,
+    error_to_report,
     rebuild,
 )
 from plannerforge.schemas.errors import kinds as errors
@@ -56,7 +56,7 @@ def test_every_class_is_reachable_and_drawn_in_the_hierarchy() -> None:
         assert "code" in vars(kind), f"{kind.__name__} has no code of its own"
 
 
-def test_text_holds_code_message_valid_values_and_next_step() -> None:
+def test_the_text_has_code_message_valid_values_and_next_step() -> None:
     error = UnknownName("there is no planner 'frenetics'.", valid=["frenetix", "mprbfn"], next_step="call find_planner")
     assert error.text == (
         "[unknown_name] there is no planner 'frenetics'. Valid: frenetix, mprbfn. Next: call find_planner."
@@ -64,7 +64,7 @@ def test_text_holds_code_message_valid_values_and_next_step() -> None:
     assert str(error) == error.text
 
 
-def test_text_without_valid_values_says_what_usually_helps() -> None:
+def test_a_text_without_valid_values_gives_the_usual_remedy() -> None:
     usual = f"Next: {NotPossible.usual_step}."
     assert NotPossible("the lane ends").text == f"[not_possible] the lane ends. {usual}"
 
@@ -141,8 +141,8 @@ def test_values_from_outside_forge_no_line_and_do_not_fill_the_error() -> None:
         (KeyError("x"), "unexpected"),
     ],
 )
-def test_whatever_is_raised_a_caller_is_told_what_it_can_use(raised: Exception, code: str) -> None:
-    assert as_told(raised, "a tool").code == code
+def test_any_exception_becomes_an_error_that_helps_the_caller(raised: Exception, code: str) -> None:
+    assert error_to_report(raised, "a tool").code == code
 
 
 def test_likeness_of_long_names_is_looked_for_in_a_part_of_them() -> None:
@@ -150,7 +150,7 @@ def test_likeness_of_long_names_is_looked_for_in_a_part_of_them() -> None:
     assert closest("Main Stret" + " " * 30_000, streets, limit=1) == ["Main Street"]
 
 
-def test_all_faults_of_a_call_are_told_at_once_each_with_what_is_valid() -> None:
+def test_all_faults_of_a_call_are_reported_at_once_with_their_valid_values() -> None:
     faults = Faults()
     with faults.collecting("edit 0 (reroute)"):
         raise UnknownName("there is no vehicle 7", valid=[1, 2, 3, 4, 5, 6], next_step="name one of these", reason="x")
@@ -167,7 +167,7 @@ def test_all_faults_of_a_call_are_told_at_once_each_with_what_is_valid() -> None
     assert told.value.reason == "x"
 
 
-def test_one_fault_is_told_as_it_is_and_other_errors_are_not_collected() -> None:
+def test_one_fault_is_reported_unchanged_and_other_errors_are_not_collected() -> None:
     faults = Faults()
     faults.raise_all()
     with faults.collecting():

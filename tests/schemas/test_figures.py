@@ -18,7 +18,7 @@ from plannerforge.schemas.text import figure, measured, p_figure, p_in_words
         (1234.5, "1234"),
     ],
 )
-def test_what_is_below_the_resolution_of_a_measured_quantity_is_0(value: float | None, text: str) -> None:
+def test_a_value_below_the_resolution_of_its_quantity_is_0(value: float | None, text: str) -> None:
     assert measured(value) == text
 
 
@@ -34,5 +34,5 @@ def test_no_p_value_is_0(p: float | None, text: str) -> None:
     assert p_in_words(p) == text
 
 
-def test_a_bound_of_p_stands_without_its_name() -> None:
+def test_a_bound_of_p_is_shown_without_its_name() -> None:
     assert (p_figure(0.0), p_figure(0.031)) == ("<1e-12", "0.031")

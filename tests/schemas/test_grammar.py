@@ -49,7 +49,7 @@ def test_quantity_is_turned_into_the_base_unit(text: str, unit: str, expected: f
     assert parse_quantity(text, unit) == pytest.approx(expected)  # type: ignore[arg-type]
 
 
-def test_steps_are_seconds_where_the_step_is_known() -> None:
+def test_steps_are_seconds_if_the_step_is_known() -> None:
     assert parse_quantity("90steps", "s", step_s=0.1) == pytest.approx(9.0)
     with pytest.raises(InvalidRequest, match="'steps'"):
         parse_quantity("90steps", "s")
@@ -90,13 +90,13 @@ def test_interval(text: str, unit: str, expected: Interval) -> None:
     )
 
 
-def test_interval_the_wrong_way_round_is_refused_with_the_right_way() -> None:
+def test_a_reversed_interval_is_refused_with_the_right_order() -> None:
     with pytest.raises(InvalidRequest) as caught:
         parse_interval("12..8km/h", "m/s")
     assert parse_interval(caught.value.valid[0], "m/s") == parse_interval("8..12km/h", "m/s")
 
 
-def test_interval_holds_its_ends() -> None:
+def test_an_interval_contains_its_ends() -> None:
     interval = Interval(1.0, 2.0)
     assert [interval.contains(value) for value in (0.99, 1.0, 1.5, 2.0, 2.01)] == [False, True, True, True, False]
     assert Interval(None, None).contains(-1e300)
@@ -121,7 +121,7 @@ def test_condition(text: str, expected: Condition) -> None:
     assert parse_condition(text, words=True) == expected
 
 
-def test_a_word_where_a_number_is_compared_is_refused() -> None:
+def test_a_word_in_a_comparison_with_a_number_is_refused() -> None:
     with pytest.raises(InvalidRequest, match="compares with 'many', which is not a number"):
         parse_condition("car=many", whole=True)
 
@@ -203,7 +203,7 @@ def test_selector(text: str, expected: Selector) -> None:
         ("-3", UnknownName, "an id"),
     ],
 )
-def test_word_that_selects_nothing_is_refused_with_the_nearest(
+def test_a_word_without_matches_is_refused_with_the_nearest(
     text: str, error: type[InvalidRequest], offered: str
 ) -> None:
     with pytest.raises(error) as caught:
@@ -248,7 +248,7 @@ def test_arbitrary_text_is_read_or_refused_but_never_a_crash(text: str) -> None:
 
 
 @given(LIKELY_TEXT)
-def test_what_is_read_holds_finite_numbers_only(text: str) -> None:
+def test_only_finite_numbers_are_read(text: str) -> None:
     for unit in ("m/s", "m", "s", ""):
         try:
             interval = parse_interval(text, unit)  # type: ignore[arg-type]

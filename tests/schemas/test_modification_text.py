@@ -56,9 +56,9 @@ def route(vehicle_id: int, *lanelets: int, arrives: bool | None = None) -> Vehic
     return VehicleRoute(vehicle_id=vehicle_id, lanelets=lanelets, arrives=arrives, reason=reason)
 
 
-def test_the_answer_tells_what_is_new_for_the_ego_and_nothing_else() -> None:
+def test_the_answer_states_only_what_is_new_for_the_ego() -> None:
     (changes,) = (line for line in text(SHIFTED).splitlines() if line.startswith("Change for "))
-    for figure in ("1.49 m → 0 m", "within 60 s → 0 s", "4 → 0", "none → with 39 at 6.5 s"):
+    for figure in ("1.49 m → 0 m", "within 60 s → 0 s", "4 → 0", "none → with road user 39 at 6.5 s"):
         assert figure in changes
     assert "No change for the ego: risk score (0 = collision, 5 = negligible) 4." in text(ego_after=CALM).splitlines()
     nearer = text(ego_after=CALM.model_copy(update={"minimum_distance_m": 0.7}))
@@ -66,14 +66,14 @@ def test_the_answer_tells_what_is_new_for_the_ego_and_nothing_else() -> None:
     assert change.endswith(": minimum distance 1.49 m → 0.7 m.")
 
 
-def test_a_figure_that_cannot_be_had_says_why() -> None:
+def test_a_figure_that_cannot_be_computed_gives_the_reason() -> None:
     assert "Ego's risk: unknown, because" in text(ego_after=None)
     nobody = EgoDanger(minimum_distance_m=None, minimum_time_to_collision_s=None, risk_score=None)
     assert "1.49 m → none nearby" in text(ego_after=nobody)
 
 
 def test_the_verdict_on_a_motion_that_was_only_moved_in_time_is_its_recording_s() -> None:
-    assert "100.0% of the motion of 44, as in the recording" in text(SHIFTED)
+    assert "100.0% of the motion of vehicle 44 is infeasible, as in the recording" in text(SHIFTED)
     driven = SHIFTED.model_copy(update={"cause": "edited"})
     assert "as in the recording" not in text(driven)
 
@@ -92,39 +92,39 @@ def test_an_answer_to_fifty_edits_of_a_hundred_vehicles_stays_short_and_useful()
     brief, whole = text(*touched, **told), text(*touched, detail="checks", **told)
     assert count_tokens(brief) <= 1100
     undone = "6, 7, 8, 9, 10, 11, 12, 13 and 36 more"
-    assert f"… 44 more edits (not done or not reached: {undone}): modify_scenario with detail=checks" in brief
+    assert f"… 44 more edits (not done or off target: {undone}): modify_scenario with detail=checks" in brief
     assert "70002 hits 70003 at 4.0 s; … 87 more: modify_scenario with detail=checks" in brief
     assert "… 39 more: modify_scenario with detail=checks" in brief
     assert count_tokens(brief) < count_tokens(whole) <= 6000
 
 
-def test_a_sentence_that_is_cut_keeps_its_end_where_it_says_why_nothing_was_done() -> None:
+def test_a_shortened_sentence_keeps_its_end_with_the_reason() -> None:
     edits = tuple(edit(index, what=f"{'long words ' * 60}; {WHY}", done=False) for index in range(6))
     assert text(edits=edits).count(WHY) == 6
     assert f"{'long words ' * 60}; {WHY}" in text(edits=edits[:1])
 
 
-def test_an_edit_that_is_not_reached_is_not_called_done_and_says_what_to_do() -> None:
+def test_an_edit_that_misses_its_value_is_not_called_done_and_gives_the_next_step() -> None:
     late = route(31, 1, 11, arrives=False).model_copy(update={"advice": "send 31 to lanelet 11, which it reaches"})
     told = text(edits=(edit(0, late),))
-    assert "1 edit not reached" in told.splitlines()[0]
+    assert "1 edit off target" in told.splitlines()[0]
     assert "  31: target not reached: the scenario ends at 10.0 s (lanelets 1 → 11)" in told
     assert told.endswith("Next: send 31 to lanelet 11, which it reaches")
     assert "done" not in told
 
 
-def test_of_several_edits_the_headline_counts_what_became_of_them() -> None:
+def test_the_headline_of_several_edits_counts_their_results() -> None:
     edits = (edit(0), edit(1, done=False), edit(2, route(1, 4, arrives=True), route(2, 5, arrives=False)))
-    assert "3 edits: 1 done, 1 without effect, 1 reached by 1 of 2." in text(edits=edits).splitlines()[0]
+    assert "3 edits: 1 done, 1 without effect, 1 on target for 1 of 2." in text(edits=edits).splitlines()[0]
 
 
-def test_vehicles_that_differ_in_nothing_are_told_of_once() -> None:
+def test_vehicles_without_differences_are_reported_once() -> None:
     routes = [route(key, 4, 5, arrives=True) for key in (31, 32, 33)]
     assert text(edits=(edit(0, *routes),)).count("lanelets 4 → 5") == 1
     assert "31, 32, 33: target reached, lanelets 4 → 5" in text(edits=(edit(0, *routes),))
 
 
-def test_routes_without_a_target_are_told_in_detail_only() -> None:
+def test_routes_without_a_target_are_reported_in_detail_only() -> None:
     edits = (edit(0, route(31, *range(1, 21))),)
     assert "lanelets" not in text(edits=edits)
     assert "31: lanelets 1 → 2 → 3 → 4 → 5 → 6 → 7 → … → 20" in text(edits=edits, detail="checks")
@@ -135,6 +135,6 @@ def test_an_additionally_driven_vehicle_is_named_with_the_reason() -> None:
     assert "Also simulated, to avoid a collision: 44 (would hit 12 at 3.4 s)." in text(reacting)
 
 
-def test_the_vehicles_that_a_word_meant_stand_behind_what_was_done() -> None:
+def test_the_vehicles_that_a_word_refers_to_follow_the_edit() -> None:
     meant = edit(0).model_copy(update={"meant": "lead: 361 car 43 m ahead, same lane"})
     assert "set_behaviour: tau=1.5 for all (lead: 361 car 43 m ahead, same lane)" in text(edits=(meant,))

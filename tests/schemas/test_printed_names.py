@@ -3,7 +3,7 @@
 import pytest
 
 from plannerforge.schemas.analysis.comparison import CompareResultsArguments
-from plannerforge.schemas.measures import MEASURES, RunMetrics, metric_meant
+from plannerforge.schemas.measures import MEASURES, RunMetrics, metric_of_label
 from plannerforge.schemas.results import _short_words
 
 
@@ -12,7 +12,7 @@ def test_a_printed_name_means_its_measure(measure: object) -> None:
     names = {one.name: one for one in MEASURES}
     printed = (measure.name, _short_words(measure.name), measure.abbreviation)  # type: ignore[attr-defined]
     for text in filter(None, printed):
-        assert _short_words(names[metric_meant(text)].name) == _short_words(measure.name)  # type: ignore[attr-defined]
+        assert _short_words(names[metric_of_label(text)].name) == _short_words(measure.name)  # type: ignore[attr-defined]
 
 
 def test_compared_metrics_are_named_as_they_are_printed() -> None:

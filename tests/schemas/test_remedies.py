@@ -1,6 +1,7 @@
 """What mends a refused call: found in a refusal, put into the call, carried through a worker, written out."""
 
 import json
+from typing import Any
 
 import pytest
 
@@ -26,7 +27,7 @@ def arguments_of(remedy: Remedy, given: dict[str, object] | None = None) -> obje
     return None if call is None else call.arguments
 
 
-def test_a_misspelt_name_is_replaced_where_it_stands() -> None:
+def test_a_misspelt_name_is_replaced_in_place() -> None:
     error = UnknownName("there is no preset 'wyld'", valid=["wild", "mild"])
     assert arguments_of(error.remedies[0]) == {
         **GIVEN,
@@ -85,7 +86,7 @@ def test_a_misspelt_word_is_replaced_in_the_edit_that_is_at_fault_alone() -> Non
     ]
 
 
-def test_an_error_that_is_made_again_has_the_remedies_it_had() -> None:
+def test_a_repeated_error_keeps_its_remedies() -> None:
     error = UnknownName("there is no preset 'wyld'", valid=["wild"])
     placed = [remedy.at(("edits", 1)) for remedy in error.remedies]
     again = rebuild(error.code, error.message, error.valid, error.next_step, error.reason, placed)
@@ -93,7 +94,7 @@ def test_an_error_that_is_made_again_has_the_remedies_it_had() -> None:
     assert rebuild(error.code, error.message, error.valid, error.next_step).remedies == ()
 
 
-def test_a_remedy_that_changes_nothing_is_none() -> None:
+def test_a_remedy_without_a_change_is_left_out() -> None:
     assert arguments_of(instead("absent", "other")) is None
     assert arguments_of(with_values(scenario_id="A")) is None
     assert arguments_of(with_values(speed=None).at(("edits", 7))) is None
@@ -104,7 +105,7 @@ def test_whole_words_alone_are_replaced() -> None:
     assert arguments_of(instead("7", "12"), given) == {"ids": ["A-1#12"], "text": "A-17"}
 
 
-def test_numbers_and_parts_of_numbers_are_no_words() -> None:
+def test_numbers_and_parts_of_numbers_are_not_words() -> None:
     given = {"vehicles": ["3"], "count": 3, "speed": "3.5m/s", "offset_m": 3.0, "goal_time": "1.3"}
     assert arguments_of(instead("3", "12"), given) == {**given, "vehicles": ["12"]}
 
@@ -116,7 +117,7 @@ def test_a_word_is_replaced_in_the_fields_that_a_remedy_names() -> None:
     assert arguments_of(instead("3", "12", "via").at(("edits", 0)), given) is None
 
 
-def test_another_call_takes_over_what_it_needs() -> None:
+def test_another_call_takes_over_the_arguments_that_it_needs() -> None:
     assert arguments_of(VEHICLES_LISTED) == {"scenario_id": "A", "detail": "vehicles"}
     assert arguments_of(calling("list_planners")) == {}
 
@@ -128,12 +129,12 @@ def test_the_refused_call_itself_is_not_proposed() -> None:
     assert followed(calling("list_planners"), "list_planners", {}) is None
 
 
-def test_remedies_survive_the_way_through_json() -> None:
+def test_remedies_survive_json() -> None:
     for remedy in (instead("a", "b").at(("edits", 0)), with_values(lane=None), VEHICLES_LISTED):
         assert Remedy.of_json(json.loads(json.dumps(remedy.to_json()))) == remedy
 
 
-def test_a_long_call_is_told_by_what_changes() -> None:
+def test_a_long_call_is_described_by_its_changes() -> None:
     given = {"text": "x" * SHOWN_CALL, "lane": "left", "edits": [{"speed": "9"}]}
     call = followed(Remedy((*with_values(lane=None).changes, *instead("9", "9m/s").changes)), "tool", given)
     assert call is not None
@@ -141,3 +142,19 @@ def test_a_long_call_is_told_by_what_changes() -> None:
     short = followed(instead("9", "8"), "tool", {"speed": "9"})
     assert short is not None
     assert short.text == 'call again with {"speed": "8"}'
+
+
+@pytest.mark.parametrize(
+    ("given", "remedy", "dropped"),
+    [
+        ({"goal": "merge", "count": 2}, with_values(goal=None), ("goal",)),
+        ({"where": ["a=1", "b=2"]}, with_values(where=["b=2"]), ("where 'a=1'",)),
+        ({"obstacles": ["car=many"]}, instead("car=many", "car"), ("obstacles[0] '=many'",)),
+        ({"speed": "9"}, instead("9", "8"), ()),
+    ],
+)
+def test_a_call_says_what_it_leaves_out(given: dict[str, Any], remedy: Remedy, dropped: tuple[str, ...]) -> None:
+    call = followed(remedy, "tool", given)
+    assert call is not None
+    assert call.dropped == dropped
+    assert call.text.endswith(f" (without {', '.join(dropped)})" if dropped else "}")

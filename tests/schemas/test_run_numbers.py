@@ -13,7 +13,7 @@ LINE = {"x_m": (0.0, 1.0), "y_m": (0.0, 0.0), "heading_rad": (0.0, 0.0), "speed_
 @pytest.mark.parametrize(
     "changed", [{"step_s": -1e-300}, {"step_s": 0.0}, {"ego_length_m": 1e308}, {"ego_width_m": 0.0}]
 )
-def test_run_whose_step_or_size_no_run_has_is_refused(changed: dict[str, float]) -> None:
+def test_a_run_with_an_impossible_step_or_size_is_refused(changed: dict[str, float]) -> None:
     with pytest.raises(ValidationError):
         RunRecord.model_validate(record("ZAM_A-1_1_T-1").model_dump() | changed)
 

@@ -21,7 +21,7 @@ def test_twice_the_problems_take_twice_the_room() -> None:
     assert stored_characters(80) < 2.1 * stored_characters(40)
 
 
-def test_an_entry_holds_its_own_ego() -> None:
+def test_an_entry_has_its_own_ego() -> None:
     first, *others = with_problems(3).entries()
     assert [ego.problem_id for ego in first.egos] == [0]
     assert [(entry.scenario_id, entry.egos[0].problem_id) for entry in others] == [

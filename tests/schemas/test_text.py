@@ -73,7 +73,7 @@ def test_printable_keeps_the_breaks_of_an_answer() -> None:
         (1200, "road user", "1,200 road users"),
     ],
 )
-def test_a_number_stands_with_its_noun_in_the_right_form(count: int, noun: str, words: str) -> None:
+def test_a_number_precedes_its_noun_in_the_right_form(count: int, noun: str, words: str) -> None:
     assert counted(count, noun) == words
 
 
@@ -100,7 +100,7 @@ def test_a_text_that_is_cut_inside_a_mark_closes_it(text: str, longest: int) -> 
         *("frenetix:Default, jerk=0.5 and 3 more", "mylane:Default v2 (d4e5f6a)", "DEU_Ulm-1_1_T-1"),
     ],
 )
-def test_names_of_this_program_and_one_word_stand_bare(name: str) -> None:
+def test_names_of_this_program_and_single_words_are_not_quoted(name: str) -> None:
     assert shown_name(name) == name
 
 
@@ -122,7 +122,7 @@ def test_texts_in_a_call_are_cited_if_they_are_more_than_a_word() -> None:
     }
 
 
-def test_clauses_that_all_sentences_share_are_taken_out_once() -> None:
+def test_clauses_common_to_all_sentences_are_stated_once() -> None:
     first = "hit car 1 (ego 1; car 2); preventable (a; b); attributed to planning"
     second = "hit car 3 (ego 1; car 2); attributed to planning"
     assert without_shared_clauses([first, second]) == (

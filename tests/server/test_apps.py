@@ -99,7 +99,7 @@ async def test_view_of_runs_is_read_as_a_resource(settings: Settings, era: str, 
 
 
 @pytest.mark.usefixtures("warm_workers", "starter_ready")
-async def test_run_whose_planner_is_gone_is_shown_without_plans(settings: Settings, tmp_path: Path) -> None:
+async def test_a_run_with_a_missing_planner_is_shown_without_plans(settings: Settings, tmp_path: Path) -> None:
     views = settings.workspace / "views"
     async with host(settings, "auto", tmp_path) as client:
         ran = await client.call_tool("run_planner", {"scenarios": [SCENARIO], "configs": ["idm"]})
@@ -121,7 +121,7 @@ async def test_run_whose_planner_is_gone_is_shown_without_plans(settings: Settin
 
 @pytest.mark.usefixtures("starter_ready")
 @pytest.mark.parametrize("ids", ["ZAM_Nowhere-1_1_T-1", f"{SCENARIO}+{OTHER}+{SCENARIO}"])
-async def test_what_no_view_shows_is_refused_with_invalid_params(connect: Connect, ids: str) -> None:
+async def test_an_artifact_without_a_view_is_refused_with_invalid_params(connect: Connect, ids: str) -> None:
     async with connect() as client:
         with pytest.raises(MCPError, match=r"unknown_name|invalid_request") as caught:
             await client.read_resource(f"plannerforge://view/{ids}")

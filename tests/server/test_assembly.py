@@ -39,7 +39,7 @@ async def warmed(pool: Any, root: Path) -> None:
     await warm_up(pool, Workspace(root), CallThreads(), "own/model", delay_s=0.0)
 
 
-async def test_both_lanes_and_the_text_index_are_made_ready(tmp_path: Path) -> None:
+async def test_both_lanes_and_the_text_index_are_prepared(tmp_path: Path) -> None:
     pool = NotedPool()
     await warmed(pool, tmp_path)
     assert pool.warmed == ["compute", "retrieval"]
@@ -48,7 +48,7 @@ async def test_both_lanes_and_the_text_index_are_made_ready(tmp_path: Path) -> N
     ]
 
 
-async def test_an_index_that_cannot_be_made_ready_is_logged_and_does_no_harm(
+async def test_an_index_that_cannot_be_prepared_is_logged_without_harm(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     await warmed(NotedPool(ResourceFailure("no model of that name")), tmp_path)

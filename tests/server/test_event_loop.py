@@ -48,7 +48,7 @@ async def test_no_resource_is_read_in_the_thread_of_the_loop(connect: Any, setti
 @pytest.mark.parametrize(
     "work", [lambda folder: (folder / "a").write_text("a"), lambda folder: open_catalogue(Workspace(folder / "w"))]
 )
-def test_watchdog_sees_work_that_would_hold_up_the_loop(tmp_path: Any, work: Callable[[Any], object]) -> None:
+def test_the_watchdog_sees_work_that_would_block_the_loop(tmp_path: Any, work: Callable[[Any], object]) -> None:
     with pytest.raises(AssertionError, match="the event loop's thread ran"), watched_loop() as watch:
         work(tmp_path)
     assert isinstance(watch, LoopWatch)

@@ -53,7 +53,7 @@ async def test_progress_of_a_call_arrives_by_http(serve: Serve, era: str) -> Non
     assert told == sorted(told)
 
 
-async def test_health_and_ready_are_told_without_a_token(serve: Serve) -> None:
+async def test_health_and_ready_are_reported_without_a_token(serve: Serve) -> None:
     async with serve(http_tokens=TOKENS) as server, httpx.AsyncClient() as client:
         health = await client.get(f"{server.address}/health")
         ready = await client.get(f"{server.address}/ready")
@@ -72,7 +72,7 @@ async def test_request_without_its_token_is_refused(serve: Serve) -> None:
     assert let_in.json()["result"]["structuredContent"]["said"]["text"] == "x"
 
 
-async def test_reading_token_sees_and_calls_only_what_makes_nothing(serve: Serve, era: str) -> None:
+async def test_a_reading_token_sees_and_calls_only_tools_that_create_no_artifacts(serve: Serve, era: str) -> None:
     async with serve(http_tokens=TOKENS) as server, server.client(era, READER) as client:
         tools = (await client.list_tools()).tools
         listed = await client.call_tool("list_artifacts", {})
@@ -105,14 +105,14 @@ async def test_foreign_host_and_origin_are_refused_and_the_setting_named(
     assert setting in legacy.json()["error"]["message"]
 
 
-async def test_named_host_and_origin_are_let_in(serve: Serve) -> None:
+async def test_listed_hosts_and_origins_are_allowed(serve: Serve) -> None:
     body, headers = called("echo", text="x")
     async with serve(http_hosts=("forge.example",), http_origins=("https://page.example",)) as server:
         let_in = await post(server, body, headers, Host="forge.example", Origin="https://page.example")
     assert let_in.status_code == 200
 
 
-async def test_body_that_is_too_large_is_refused_whether_it_says_so_or_not(serve: Serve) -> None:
+async def test_a_body_that_is_too_large_is_refused_with_or_without_its_length(serve: Serve) -> None:
     _, headers = called("echo", text="x")
 
     async def parts() -> AsyncIterator[bytes]:
@@ -128,7 +128,7 @@ async def test_body_that_is_too_large_is_refused_whether_it_says_so_or_not(serve
 
 
 @pytest.mark.parametrize("body", [b"{", b"[" * 100_000, b'{"a":' + b"9" * 100_000 + b"}", b"\xff\xfe", b"[]", b"7"])
-async def test_what_is_no_request_is_answered_as_such(serve: Serve, body: bytes) -> None:
+async def test_an_invalid_request_is_answered_as_invalid(serve: Serve, body: bytes) -> None:
     _, headers = called("echo", text="x")
     older = {name: headers[name] for name in ("Content-Type", "Accept")}
     async with serve() as server:
@@ -138,7 +138,7 @@ async def test_what_is_no_request_is_answered_as_such(serve: Serve, body: bytes)
     assert good.status_code == 200
 
 
-async def test_client_that_is_too_fast_is_told_when_to_come_again(serve: Serve) -> None:
+async def test_a_client_that_is_too_fast_learns_when_to_retry(serve: Serve) -> None:
     body, headers = called("echo", text="x")
     answers: list[httpx.Response] = []
     async with serve(http_rate=1.0, http_calls=256, http_tokens=TOKENS) as server:
@@ -157,7 +157,7 @@ async def test_client_that_is_too_fast_is_told_when_to_come_again(serve: Serve) 
     assert other.status_code == 200
 
 
-async def test_client_with_too_much_under_way_is_told_so_and_others_are_not_held_up(serve: Serve) -> None:
+async def test_a_client_with_too_many_calls_in_progress_is_informed_and_others_do_not_wait(serve: Serve) -> None:
     """What is padded is no cancellation, for which there is always room."""
     padding = "x" * 2_000
     waiting, short = called("get_job", job_id="latest", wait_s=50), called("echo", text="x")
@@ -183,7 +183,7 @@ async def test_client_with_too_much_under_way_is_told_so_and_others_are_not_held
     assert (cancellation.status_code, other.status_code) == (200, 200)
 
 
-async def test_each_client_has_a_latest_of_its_own(serve: Serve, era: str) -> None:
+async def test_each_client_has_its_own_latest(serve: Serve, era: str) -> None:
     """By its session, and since 2026-07-28 by its token."""
     async with (
         serve(http_tokens=(SecretStr(f"one {WRITER}"), SecretStr(f"two {READER}"))) as server,
@@ -247,7 +247,7 @@ async def test_every_address_needs_a_name_that_clients_call(settings: Settings) 
     HttpServer(create_server(settings), settings.model_copy(update={**open_to_all, "http_hosts": ("forge.example",)}))
 
 
-async def test_port_that_is_taken_is_told() -> None:
+async def test_a_port_in_use_is_reported() -> None:
     with bound("127.0.0.1", 0) as taken, pytest.raises(InvalidRequest, match="cannot be bound"):
         bound("127.0.0.1", taken.getsockname()[1])
 
@@ -255,7 +255,7 @@ async def test_port_that_is_taken_is_told() -> None:
 @pytest.mark.parametrize(
     "line", ["name", "na me token-that-is-long-enough-x", f"name {'x' * 23}", f"name {WRITER} readonly", f"-x {WRITER}"]
 )
-async def test_entry_that_is_no_token_is_refused_without_being_repeated(line: str) -> None:
+async def test_an_invalid_token_is_refused_without_being_repeated(line: str) -> None:
     with pytest.raises(InvalidRequest, match=r"entry 1 of the list") as caught:
         read_tokens([line], "the list")
     assert "xxx" not in caught.value.text
@@ -303,7 +303,7 @@ def test_program_serves_until_a_signal_and_ends_well(tmp_path: Path, number: sig
         process.communicate()
 
 
-def test_program_says_in_one_line_why_it_does_not_serve(tmp_path: Path) -> None:
+def test_the_program_gives_its_reason_for_not_serving_in_one_line(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "plannerforge", "serve", "--http", "--host", "0.0.0.0"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 1

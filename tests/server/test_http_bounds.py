@@ -23,7 +23,7 @@ async def connected(server: Served) -> ByteStream:
     return await anyio.connect_tcp("127.0.0.1", int(server.address.rpartition(":")[2]))
 
 
-async def test_idle_connection_outlives_a_client_s_pause_and_holds_up_no_stop(serve: Serve) -> None:
+async def test_an_idle_connection_survives_a_client_s_pause_and_delays_no_stop(serve: Serve) -> None:
     """Clients and proxies close theirs after 5 to 60 s: where the server is first, a request may meet the close."""
     assert KEEP_ALIVE_S > 60
     async with serve(http_stop_s=60.0) as server, httpx.AsyncClient(timeout=PATIENCE_S) as client:
@@ -39,7 +39,7 @@ async def test_idle_connection_outlives_a_client_s_pause_and_holds_up_no_stop(se
     assert took_s < 10
 
 
-async def test_connection_is_kept_as_long_as_is_said(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_connection_is_kept_for_the_announced_time(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(serving, "KEEP_ALIVE_S", 1)
     async with serve() as server, await connected(server) as stream:
         await stream.send(b"GET /health HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
@@ -142,7 +142,7 @@ async def test_forwarded_address_is_believed_from_a_named_proxy_alone(
     assert other.status_code == (200 if is_another else 429)
 
 
-async def test_call_that_outlasts_a_stop_is_told_so_and_its_job_is_kept(serve: Serve) -> None:
+async def test_a_call_that_outlasts_a_stop_is_informed_and_its_job_is_kept(serve: Serve) -> None:
     answers: list[httpx.Response] = []
     async with serve(http_stop_s=0.3) as server, anyio.create_task_group() as tasks:
         begun_job = (await post(server, *called("start_job", text="endless"))).json()
@@ -166,7 +166,7 @@ async def test_call_that_outlasts_a_stop_is_told_so_and_its_job_is_kept(serve: S
     assert again.json()["result"]["structuredContent"]["said"]["text"] == f"{job_id}_2"
 
 
-async def test_ready_looks_at_the_workspace_once_however_often_it_is_asked(
+async def test_ready_checks_the_workspace_once_for_any_number_of_requests(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     looked, can_read = [], [True]

@@ -131,7 +131,7 @@ async def test_chunks_of_one_byte_are_taken() -> None:
         await received(stream, b"x" * 3_000)
 
 
-async def test_trailers_are_no_headers_and_too_many_are_refused() -> None:
+async def test_trailers_are_not_headers_and_too_many_are_refused() -> None:
     body = HEAD + b"Transfer-Encoding: chunked\r\n\r\n0\r\n"
     async with listening(ConnectionLimits()) as server:
         async with server.connected() as stream:
@@ -155,13 +155,13 @@ async def test_half_a_head_after_an_answer_ends_too() -> None:
         assert (await exchanged(stream, HEAD))[9:12] == b"408"
 
 
-async def test_body_that_goes_on_after_its_answer_is_dropped_and_its_connection_closed() -> None:
+async def test_a_body_that_continues_after_its_answer_is_dropped_and_its_connection_closed() -> None:
     async with listening(ConnectionLimits(linger_s=0.3)) as server, server.connected() as stream:
         await stream.send(b"POST /at-once HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 1000000\r\n\r\nabc")
         assert (await exchanged(stream, b"abc")).startswith(b"HTTP/1.1 200")
 
 
-async def test_connection_that_was_idle_longest_gives_way_to_a_new_one() -> None:
+async def test_the_longest_idle_connection_is_closed_for_a_new_one() -> None:
     async with listening(ConnectionLimits(connections=3)) as server:
         held = [await anyio.connect_tcp("127.0.0.1", server.port) for _ in range(3)]
         for stream in held:

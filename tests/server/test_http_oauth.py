@@ -96,7 +96,7 @@ async def statuses(oauth: Settings, folder: Path, tokens: list[str], tool: str =
     return [answer.status_code for answer in answers]
 
 
-async def test_token_made_for_this_server_is_let_in(oauth: Settings, issuer: Issuer, tmp_path: Path) -> None:
+async def test_a_token_for_this_server_is_accepted(oauth: Settings, issuer: Issuer, tmp_path: Path) -> None:
     issuer.asked.clear()
     several = issuer.token(aud=["https://other.example", RESOURCE])
     listed = issuer.token(scope=None, scp=BOTH.split())
@@ -127,7 +127,7 @@ async def test_every_other_token_is_refused(oauth: Settings, issuer: Issuer, tmp
     assert await statuses(oauth, tmp_path, refused) == [401] * len(refused)
 
 
-async def test_scope_decides_what_is_offered(oauth: Settings, issuer: Issuer, tmp_path: Path) -> None:
+async def test_the_scope_decides_the_offered_tools(oauth: Settings, issuer: Issuer, tmp_path: Path) -> None:
     assert await statuses(oauth, tmp_path, [issuer.token(scope="openid"), issuer.token(scope="plannerforge:read")]) == [
         403,
         200,
@@ -152,7 +152,7 @@ async def test_a_refused_client_learns_the_valid_token_issuer(oauth: Settings, i
     assert metadata.json()["authorization_servers"] == [issuer.address]  # to the letter: RFC 8414 compares so
 
 
-async def test_own_tokens_go_beside_issued_ones(oauth: Settings, issuer: Issuer, tmp_path: Path) -> None:
+async def test_own_tokens_work_next_to_issued_ones(oauth: Settings, issuer: Issuer, tmp_path: Path) -> None:
     own = oauth.model_copy(update={"http_tokens": (SecretStr(f"ci {'c' * 32}"),)})
     assert await statuses(own, tmp_path, ["c" * 32, issuer.token(), "d" * 32]) == [200, 200, 401]
 

@@ -78,7 +78,7 @@ async def test_ended_session_makes_room() -> None:
         assert await status_of(client, "a", first) == 200
 
 
-async def test_token_whose_sessions_all_work_is_told_when_to_come_again() -> None:
+async def test_a_token_with_only_busy_sessions_learns_when_to_retry() -> None:
     bounded = BoundedSessions(slow_endpoint, most=1)
     statuses: list[tuple[int, bool]] = []
 

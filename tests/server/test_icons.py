@@ -35,13 +35,13 @@ async def test_the_server_shows_its_icon_to_clients_of_both_eras(connect: Any) -
         assert client.server_info.icons == server_icons()
 
 
-def test_each_icon_stands_in_the_message_itself_and_is_small() -> None:
+def test_each_icon_is_embedded_in_the_message_and_small() -> None:
     icons = server_icons()
     assert [icon.mime_type for icon in icons] == ["image/svg+xml", "image/png"]
     assert all(len(icon.src) < MOST_BYTES for icon in icons)
 
 
-def test_the_drawing_holds_no_program_and_fetches_nothing() -> None:
+def test_the_drawing_contains_no_program_and_fetches_no_files() -> None:
     drawing = decoded(server_icons()[0]).decode()
     root = ElementTree.fromstring(drawing)
     assert {element.tag.rpartition("}")[2] for element in root.iter()} <= {"svg", "rect", "path", "circle", "g"}
@@ -58,7 +58,7 @@ def contrast(one: float, two: float) -> float:
     return (max(one, two) + 0.05) / (min(one, two) + 0.05)
 
 
-def test_the_picture_stands_out_on_light_and_dark_and_its_drawing_on_its_ground() -> None:
+def test_the_picture_is_visible_on_light_and_dark_and_its_drawing_on_its_background() -> None:
     """Contrast of 3, which WCAG 2.2 asks of graphics: the ground against white and near black, white on the ground."""
     shown = [pixel for pixel in pixels(server_icons()[1]) if pixel[3] == 255]
     assert len(shown) > 48 * 48 * 0.8

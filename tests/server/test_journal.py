@@ -49,7 +49,7 @@ def add(journal: Journal, text: str = "done", structured: dict[str, Any] | None 
 
 @pytest.mark.anyio
 @pytest.mark.usefixtures("probe_tools")
-async def test_call_of_a_client_is_one_line_with_all_fields(connect: Any, settings: Settings) -> None:
+async def test_each_call_of_a_client_is_one_line_with_all_fields(connect: Any, settings: Settings) -> None:
     async with connect() as client:
         await client.call_tool("echo", {"text": "run_0123456789ab and map_bonn and DEU_Bonn-1_1_T-1"})
         await client.call_tool("echo", {"text": "x", "cuont": 1})
@@ -77,13 +77,13 @@ async def test_journal_names_the_client_as_it_calls_itself(connect: Any, setting
 
 @pytest.mark.anyio
 @pytest.mark.usefixtures("probe_tools")
-async def test_nothing_is_written_where_the_journal_is_off(connect: Any, settings: Settings) -> None:
+async def test_no_journal_is_written_if_it_is_off(connect: Any, settings: Settings) -> None:
     async with connect(settings.model_copy(update={"journal": False})) as client:
         await client.call_tool("echo", {"text": "x"})
     assert not (settings.workspace / "journal").exists()
 
 
-def test_ids_are_taken_from_the_structure_once_each(tmp_path: Path) -> None:
+def test_ids_come_from_the_structure_once_each(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "calls.jsonl", 10_000)
     add(journal, "text", {"a": "run_0123456789ab", "b": ["cfg_aaaaaaaa", "run_0123456789ab"], "c": "runway_1"})
     journal.close()
@@ -102,7 +102,7 @@ def test_journal_is_rotated_by_size_and_old_parts_go(tmp_path: Path) -> None:
     assert sorted(kept) == list(range(60 - len(kept), 60)), "the newest are kept, none twice"
 
 
-def test_journal_goes_on_after_it_was_closed(tmp_path: Path) -> None:
+def test_the_journal_continues_after_it_was_closed(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "calls.jsonl", 10_000)
     journal.close()
     for tool in ("first", "second"):
@@ -127,7 +127,7 @@ assert [entry["result_tokens"] for entry in entries(path)] == [None]
     subprocess.run([sys.executable, "-c", program], cwd=tmp_path, check=True)
 
 
-def test_text_that_no_file_can_hold_is_written_all_the_same(tmp_path: Path) -> None:
+def test_text_that_no_file_can_contain_is_still_written(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "calls.jsonl", 10_000)
     add(journal, arguments={"text": "half a pair \ud83d", "line": "a\nb\u2028c"})
     journal.close()
@@ -136,9 +136,7 @@ def test_text_that_no_file_can_hold_is_written_all_the_same(tmp_path: Path) -> N
     assert json.loads(line)["arguments"]["text"] == "half a pair"
 
 
-def test_journal_that_cannot_be_written_costs_no_call_but_is_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_unwritable_journal_fails_no_call_but_is_reported(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     (tmp_path / "file").write_text("")
     journal = Journal(tmp_path / "file" / "calls.jsonl", 10_000)
     with caplog.at_level(logging.ERROR):
@@ -171,7 +169,7 @@ def test_journal_is_its_owners_alone_and_follows_no_link(tmp_path: Path) -> None
         "ticket-0815",
     ],
 )
-def test_secrets_are_left_out_wherever_they_stand(tmp_path: Path, secret: str) -> None:
+def test_secrets_are_left_out_in_all_places(tmp_path: Path, secret: str) -> None:
     journal = Journal(tmp_path / "calls.jsonl", 100_000, redact=[r"ticket-\d+"])
     add(journal, arguments={"text": f"see {secret} there", "list": [{"a": secret}], secret: 1}, text=f"no {secret}")
     journal.close()

@@ -67,7 +67,7 @@ async def test_each_call_is_one_line_with_client_tool_and_duration(lines: io.Str
 @pytest.mark.anyio
 @pytest.mark.usefixtures("probe_tools")
 @as_json
-async def test_what_goes_wrong_in_a_call_bears_its_id_and_the_journal_too(
+async def test_errors_in_a_call_carry_its_id_also_in_the_journal(
     lines: io.StringIO, connect: Connect, tmp_path: Path
 ) -> None:
     async with connect() as client:
@@ -82,7 +82,7 @@ async def test_what_goes_wrong_in_a_call_bears_its_id_and_the_journal_too(
 
 @pytest.mark.anyio
 @as_json
-async def test_threads_and_tasks_of_a_call_bear_its_id_and_those_of_others_do_not(lines: io.StringIO) -> None:
+async def test_threads_and_tasks_of_a_call_carry_its_id_and_others_do_not(lines: io.StringIO) -> None:
     threads, logger = CallThreads(), logging.getLogger("plannerforge.test")
 
     async def say(word: str) -> None:
@@ -100,7 +100,7 @@ async def test_threads_and_tasks_of_a_call_bear_its_id_and_those_of_others_do_no
 
 
 @pytest.mark.parametrize("lines", [JsonLines, TextLines], indirect=True)
-def test_no_line_holds_a_secret_or_more_than_one_line(lines: io.StringIO) -> None:
+def test_no_line_contains_a_secret_or_a_line_break(lines: io.StringIO) -> None:
     logger = logging.getLogger("plannerforge.test")
     with named_call("echo", f"client {SECRET}\nINFO forged: line"):
         logger.warning("asked with %s, Authorization: Bearer %s and forge-123", "password=hunter22", "x" * 30)
@@ -126,7 +126,7 @@ def test_text_is_level_name_message_and_call(lines: io.StringIO) -> None:
 
 
 @pytest.mark.anyio
-async def test_a_server_s_log_is_json_on_stderr_and_nothing_but_the_protocol_on_stdout(tmp_path: Path) -> None:
+async def test_a_server_s_log_is_json_on_stderr_and_only_the_protocol_is_on_stdout(tmp_path: Path) -> None:
     serve = ["-m", "plannerforge", "serve", "--log-level", "INFO", "--log-format", "json", "--no-warm-up"]
     arguments = [*serve, "--workspace", str(tmp_path / "workspace"), "--roots", str(tmp_path / "away")]
     with (tmp_path / "stderr").open("w") as stderr:
@@ -139,7 +139,7 @@ async def test_a_server_s_log_is_json_on_stderr_and_nothing_but_the_protocol_on_
     assert any("does not exist (yet)" in entry["event"] and entry["level"] == "WARNING" for entry in told)
 
 
-def test_another_format_is_refused_with_those_there_are() -> None:
+def test_another_format_is_refused_with_the_valid_ones() -> None:
     command = [sys.executable, "-m", "plannerforge", "serve", "--log-format", "xml"]
     ended = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
     assert ended.returncode == 2

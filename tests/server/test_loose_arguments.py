@@ -50,7 +50,7 @@ class Request(Arguments):
         ({"edits": {"op": "remove", "offset": "4 m"}}, {"edits": [{"op": "remove", "offset_m": 4}]}, "edits[0].offset"),
     ],
 )
-def test_what_can_only_mean_one_thing_is_taken_and_told(
+def test_an_argument_with_one_possible_meaning_is_accepted_and_reported(
     written: dict[str, Any], meant: dict[str, Any], note: str
 ) -> None:
     notes: list[str] = []
@@ -73,7 +73,7 @@ def test_what_can_only_mean_one_thing_is_taken_and_told(
         {"scenario_id": ["A", "B"]},
     ],
 )
-def test_what_would_be_a_guess_is_refused(written: dict[str, Any]) -> None:
+def test_an_ambiguous_argument_is_refused(written: dict[str, Any]) -> None:
     with pytest.raises(InvalidRequest):
         read_arguments(Request, {"scenario_id": "A", **written})
 
@@ -98,7 +98,7 @@ def test_a_refusal_carries_the_call_that_mends_it(wrong: dict[str, Any], right: 
     assert mended.arguments == {"scenario_id": "A", **right}
 
 
-def test_what_must_be_given_and_is_not_has_no_correction() -> None:
+def test_a_missing_required_argument_has_no_correction() -> None:
     with pytest.raises(InvalidRequest) as caught:
         read_arguments(Request, {"count": 2})
     assert not caught.value.remedies
@@ -115,7 +115,7 @@ def test_what_must_be_given_and_is_not_has_no_correction() -> None:
         },
     )
 )
-def test_arguments_that_are_right_are_taken_as_they_are(arguments: dict[str, Any]) -> None:
+def test_valid_arguments_are_unchanged(arguments: dict[str, Any]) -> None:
     notes: list[str] = []
     assert read_arguments(Request, arguments, notes) == Request.model_validate(arguments)
     assert notes == []

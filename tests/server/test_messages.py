@@ -30,7 +30,7 @@ def nested(depth: int, **more: Any) -> str:
 
 
 @pytest.mark.parametrize("request_id", [0, -5, 2**53, "a", 'with "quotes" and \\', ""])
-def test_request_that_no_parser_takes_is_answered_by_its_id(request_id: int | str) -> None:
+def test_a_request_that_no_parser_accepts_is_answered_by_its_id(request_id: int | str) -> None:
     assert answered(nested(5000, id=request_id)) == (request_id, PARSE_ERROR)
 
 
@@ -45,7 +45,7 @@ def test_id_behind_the_parameters_is_found() -> None:
 
 
 @pytest.mark.parametrize("line", ["hello", "[1]", '{"jsonrpc": "2.0", "id": 7}', "{", '{"id": "\\', ""])
-def test_what_is_no_request_is_not_answered(line: str) -> None:
+def test_an_invalid_request_is_not_answered(line: str) -> None:
     assert answered(line) is None
 
 

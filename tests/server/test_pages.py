@@ -99,7 +99,7 @@ async def test_batch_shows_its_board_analysis_and_comparison(settings: Settings,
 @pytest.mark.parametrize(
     "path", ["scenario/none", "picture/none.png", "view/scenario/none", "view/picture/none", "batch/batch_0"]
 )
-async def test_what_is_not_there_is_told_with_status_404(settings: Settings, tmp_path: Path, path: str) -> None:
+async def test_a_missing_page_has_status_404(settings: Settings, tmp_path: Path, path: str) -> None:
     async with shown(settings, tmp_path) as (browser, _):
         page = await browser.get(f"/ui/{path}")
     assert page.status_code == 404

@@ -64,7 +64,7 @@ async def test_prompt_is_one_text_with_its_arguments(
         ("explain_run", {}, "there is no prompt 'explain_run'. Valid: explain_a_run"),
     ],
 )
-async def test_wrong_request_is_a_protocol_error_that_says_what_is_valid(
+async def test_a_wrong_request_is_a_protocol_error_with_the_valid_values(
     connect: Any, name: str, arguments: dict[str, str], expected: str
 ) -> None:
     async with connect() as client:

@@ -109,7 +109,7 @@ def test_uri_gives_its_file(workspace: Workspace, uri: str) -> None:
 
 
 @pytest.mark.parametrize(("kind", "artifact_id"), [("scenario", SCENARIO), ("config", "cfg_1"), ("run", "run_1")])
-def test_record_of_any_artifact_holds_its_recipe(workspace: Workspace, kind: str, artifact_id: str) -> None:
+def test_the_record_of_any_artifact_contains_its_recipe(workspace: Workspace, kind: str, artifact_id: str) -> None:
     content, mime_type = read_resource(f"{SCHEME}{kind}/{artifact_id}/record", workspace)
     assert mime_type == "application/json"
     record = json.loads(content)
@@ -117,7 +117,7 @@ def test_record_of_any_artifact_holds_its_recipe(workspace: Workspace, kind: str
 
 
 @pytest.mark.parametrize("uri", COMPUTED)
-def test_uri_gives_what_is_computed(workspace: Workspace, uri: str) -> None:
+def test_a_uri_gives_computed_content(workspace: Workspace, uri: str) -> None:
     word, mime_type = COMPUTED[uri]
     content, stated = read_resource(uri, workspace)
     assert stated == mime_type
@@ -125,7 +125,7 @@ def test_uri_gives_what_is_computed(workspace: Workspace, uri: str) -> None:
 
 
 @pytest.mark.parametrize("template", TEMPLATES, ids=lambda template: template.name)
-def test_every_template_states_the_type_of_what_it_serves(workspace: Workspace, template: ResourceTemplate) -> None:
+def test_every_template_states_its_content_type(workspace: Workspace, template: ResourceTemplate) -> None:
     form = re.sub(r"\\{\w+\\}", "[^/]+", re.escape(template.uri_template))
     fitting = [uri for uri in (*URIS, *COMPUTED, f"{SCHEME}run/run_1/record") if re.fullmatch(form, uri)]
     assert fitting
@@ -170,7 +170,7 @@ async def test_client_is_refused_with_invalid_params(connect: Any, rest: str) ->
     assert caught.value.error.code == INVALID_PARAMS
 
 
-def test_what_is_listed_can_be_read_with_the_stated_type_and_size(workspace: Workspace) -> None:
+def test_listed_resources_can_be_read_with_the_stated_type_and_size(workspace: Workspace) -> None:
     listed = listed_resources(workspace)
     made = {f"{SCHEME}scenario/{SCENARIO}/xml", f"{SCHEME}config/cfg_1/yaml", f"{SCHEME}preset/idm/Default"}
     assert made <= {one.uri for one in listed}
@@ -232,7 +232,7 @@ async def test_client_lists_a_handful_and_is_refused_a_wrong_cursor(connect: Any
 
 @pytest.mark.anyio
 @pytest.mark.usefixtures("starter_ready")
-async def test_resource_says_what_its_tool_says(connect: Any) -> None:
+async def test_a_resource_agrees_with_its_tool(connect: Any) -> None:
     calls = {"catalog": ("describe_catalog", {}), "planners": ("list_planners", {})}
     async with connect() as client:
         for name, (tool, arguments) in calls.items():
@@ -276,7 +276,7 @@ async def test_arguments_of_templates_are_completed(
 
 @pytest.mark.anyio
 @pytest.mark.usefixtures("workspace")
-async def test_completion_of_what_is_not_there_is_refused(connect: Any) -> None:
+async def test_completion_of_a_missing_name_is_refused(connect: Any) -> None:
     async with connect() as client:
         for reference in (ResourceTemplateReference(uri=f"{SCHEME}nothing/{{id}}"), PromptReference(name="nothing")):
             with pytest.raises(MCPError) as caught:
@@ -286,7 +286,7 @@ async def test_completion_of_what_is_not_there_is_refused(connect: Any) -> None:
 
 @pytest.mark.anyio
 @pytest.mark.filterwarnings("ignore::mcp.shared.exceptions.MCPDeprecationWarning")
-async def test_subscriber_is_told_that_a_job_got_on(connect: Any, era: str, workspace: Workspace) -> None:
+async def test_a_subscriber_is_notified_of_a_job_s_progress(connect: Any, era: str, workspace: Workspace) -> None:
     """By another server on the workspace, too: the news are those of the workspace."""
     uri, told = f"{SCHEME}job/{JOB.job_id}", anyio.Event()
     store = JobStore(workspace.database)
@@ -321,7 +321,7 @@ async def test_subscriber_is_told_that_a_job_got_on(connect: Any, era: str, work
 @pytest.mark.anyio
 @pytest.mark.usefixtures("workspace")
 @pytest.mark.filterwarnings("ignore::mcp.shared.exceptions.MCPDeprecationWarning")
-async def test_nothing_is_subscribed_to_that_is_not_there(connect: Any, era: str) -> None:
+async def test_subscribing_to_a_missing_resource_has_no_effect(connect: Any, era: str) -> None:
     if era != "legacy":
         pytest.skip("subscriptions to what is not there are kept, and never told anything")
     async with connect() as client:

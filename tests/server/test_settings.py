@@ -108,7 +108,7 @@ def test_the_embedding_model_is_the_packaged_one_a_folder_or_a_name_on_the_hub(t
             Settings(embedding_model=wrong)
 
 
-def test_every_setting_says_what_it_is_for() -> None:
+def test_every_setting_states_its_purpose() -> None:
     assert [name for name, field in Settings.model_fields.items() if not field.description] == []
 
 

@@ -68,7 +68,7 @@ async def test_quick_calls_and_reading_ones_are_answered_at_once(connect: Any) -
 
 
 @pytest.mark.parametrize("mode", ["auto", "legacy"])
-async def test_client_that_does_not_know_tasks_gets_none(connect: Any, mode: str, era: str) -> None:
+async def test_a_client_without_tasks_gets_no_task(connect: Any, mode: str, era: str) -> None:
     async with connect() as client:
         answer = await client.call_tool("make_long", {"text": "6"})
         with pytest.raises(MCPError) as caught:
@@ -90,7 +90,7 @@ async def test_task_begun_in_one_session_is_found_in_the_next(connect: Any) -> N
     assert ended.result["structuredContent"]["said"]["text"] == "done"
 
 
-async def test_task_of_a_server_that_was_killed_is_taken_up_again(connect: Any, settings: Settings) -> None:
+async def test_a_task_of_a_killed_server_is_resumed(connect: Any, settings: Settings) -> None:
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
     workspace = Workspace(settings.workspace)
@@ -128,7 +128,7 @@ async def test_cancelled_task_stops_its_job_and_stays_cancelled(connect: Any, se
     assert (cancelled.status, job.state) == ("cancelled", "cancelled")
 
 
-async def test_progress_stands_in_the_message_of_the_task(connect: Any) -> None:
+async def test_progress_is_in_the_message_of_the_task(connect: Any) -> None:
     knows = KnowsTasks()
     async with connect(extensions=[knows]) as client:
         task_id = await begin(client, knows, text="for ever")
@@ -162,7 +162,7 @@ async def test_question_of_a_task_is_answered_by_an_update(connect: Any) -> None
     assert ended.result["structuredContent"]["said"]["text"] == "right"
 
 
-async def test_question_within_the_first_moment_is_asked_as_ever(connect: Any) -> None:
+async def test_a_question_within_the_first_second_is_asked_as_usual(connect: Any) -> None:
     async def left(context: Any, parameters: Any) -> ElicitResult:
         return ElicitResult(action="accept", content={"choice": "left"})
 
@@ -231,7 +231,7 @@ def test_task_is_forgotten_after_its_lifetime(settings: Settings) -> None:
     assert rows[0] == 1
 
 
-def test_only_one_server_takes_a_task_over(settings: Settings) -> None:
+def test_only_one_server_takes_over_a_task(settings: Settings) -> None:
     workspace = Workspace(settings.workspace)
     store = TaskStore(workspace.database)
     task = store.begin("", "make_long", {"text": "1"})

@@ -105,7 +105,7 @@ async def test_operations_have_spans_and_their_queue_is_counted() -> None:
 
 
 @pytest.mark.anyio
-async def test_an_operation_that_fails_is_told_with_the_code_of_its_error() -> None:
+async def test_an_operation_that_fails_is_reported_with_the_code_of_its_error() -> None:
     memory, slow = Memory(), Slow(WorkerFailure("it died"))
     inner: Executor = slow  # type: ignore[assignment]
     slow.end.set()
@@ -245,7 +245,7 @@ def collector_that_takes_nothing(request: pytest.FixtureRequest) -> Iterator[str
         yield f"http://127.0.0.1:{listening.getsockname()[1]}"
 
 
-def test_the_end_waits_a_second_at_most_for_a_collector_that_takes_nothing(
+def test_the_end_waits_at_most_a_second_for_an_unresponsive_collector(
     collector_that_takes_nothing: str, tmp_path: Path
 ) -> None:
     program = f"""
@@ -265,7 +265,7 @@ print(time.monotonic() - started)
     assert "did not take the last traces" in ended.stderr
 
 
-def test_nothing_of_it_is_imported_where_it_is_off(tmp_path: Path) -> None:
+def test_telemetry_imports_no_packages_if_it_is_off(tmp_path: Path) -> None:
     program = (
         "import sys; from plannerforge.server.assembly import create_server; "
         "from plannerforge.server.settings import Settings; create_server(Settings()); "
@@ -276,7 +276,9 @@ def test_nothing_of_it_is_imported_where_it_is_off(tmp_path: Path) -> None:
     assert told.stdout == "[]\n"
 
 
-def test_without_its_packages_the_setting_says_how_to_get_them(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_without_its_packages_the_setting_gives_the_install_command(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setitem(sys.modules, "opentelemetry.exporter.otlp.json.http.trace_exporter", None)
     monkeypatch.setitem(sys.modules, "opentelemetry.exporter.otlp.json.http.metric_exporter", None)
     settings = Settings(workspace=tmp_path / "workspace", telemetry_endpoint="http://127.0.0.1:4318")

@@ -11,7 +11,7 @@ from plannerforge.server import tokens
 from plannerforge.server.tokens import count_tokens
 
 
-def test_the_packed_table_is_the_one_whose_digest_tiktoken_knows(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_packed_table_has_the_digest_that_tiktoken_knows(monkeypatch: pytest.MonkeyPatch) -> None:
     table = json.loads(gzip.decompress(tokens._TABLE.read_bytes()))
     lines = "".join(f"{token} {rank}\n" for rank, token in enumerate(table["tokens"]))
     digests = []

@@ -68,23 +68,23 @@ async def test_unknown_field_of_an_object_in_a_list_is_refused_with_the_closest(
     ("arguments", "expected"),
     [
         ({}, "the argument 'text' is missing. Valid: text=text"),
-        ({"text": {"a": 5}}, 'text takes text, not {"a": 5}. Valid: text: text'),
+        ({"text": {"a": 5}}, 'text cannot be {"a": 5}. Valid: text: text'),
         (
             {"text": "x", "count": "many"},
-            "count takes a whole number from 1 to 5, not 'many'. Valid: count: a whole number from 1 to 5 (how often)",
+            "count cannot be 'many'. Valid: count: a whole number from 1 to 5 (how often)",
         ),
-        ({"text": "x", "count": 9}, "count takes a whole number from 1 to 5, not 9"),
-        ({"text": "x", "share": 1}, "not 1. Valid: share: a number above 0 below 1"),
+        ({"text": "x", "count": 9}, "count cannot be 9"),
+        ({"text": "x", "share": 1}, "cannot be 1. Valid: share: a number above 0 below 1"),
         ({"text": "x", "density": "hihg"}, "density cannot be 'hihg'. Valid: high, "),
-        ({"text": "x", "tags": [[1]]}, "tags[0] takes text, not [1]"),
-        ({"text": "x", "edits": [7]}, "edits[0] takes an object, not 7"),
+        ({"text": "x", "tags": [[1]]}, "tags[0] cannot be [1]"),
+        ({"text": "x", "edits": [7]}, "edits[0] cannot be 7"),
         ({"text": "x", "edits": [{"op": "rerout"}]}, "edits[0].op cannot be 'rerout'. Valid: reroute, remove"),
         ({"text": "x", "edits": [{}]}, "the argument 'edits[0].op' is missing. Valid: edits[0].op=remove, reroute"),
-        ({"text": "x", "tags": "[broken"}, "tags takes a list, not '[broken'"),
-        ({"count": 0, "density": "x"}, "'text' is missing; count takes a whole number from 1 to 5, not 0"),
+        ({"text": "x", "tags": "[broken"}, "tags cannot be '[broken'"),
+        ({"count": 0, "density": "x"}, "'text' is missing; count cannot be 0"),
     ],
 )
-async def test_wrong_argument_is_named_with_what_was_given_and_what_is_allowed(
+async def test_a_wrong_argument_is_named_with_its_value_and_the_valid_values(
     connect: Any, arguments: dict[str, Any], expected: str
 ) -> None:
     assert expected in await refused(connect, **arguments)
@@ -102,12 +102,12 @@ async def test_list_as_json_text_or_without_brackets_is_taken(connect: Any, give
     "given",
     [{"op": "remove", "vehicle_id": 3}, '{"op": "remove", "vehicle_id": 3}', '[{"op":"remove","vehicle_id":3}]'],
 )
-async def test_one_object_or_its_json_text_is_taken_for_a_list(connect: Any, given: Any) -> None:
+async def test_one_object_or_its_json_text_counts_as_a_list(connect: Any, given: Any) -> None:
     assert (await echoed(connect, text="x", edits=given))["edits"] == [{"op": "remove", "vehicle_id": 3}]
 
 
 async def test_hostile_nesting_in_json_text_is_a_refusal(connect: Any) -> None:
-    assert "tags takes a list, not " in await refused(connect, text="x", tags="[" * 40_000)
+    assert "tags cannot be " in await refused(connect, text="x", tags="[" * 40_000)
 
 
 async def test_json_text_with_a_number_that_is_not_finite_is_refused(connect: Any) -> None:
@@ -131,14 +131,14 @@ async def test_pictures_too_large_for_an_answer_are_linked_only(connect: Any) ->
     assert "too large for this answer; open their links: 1" in text.text
 
 
-async def test_links_are_left_out_where_the_host_cannot_take_them(connect: Any, settings: Settings) -> None:
+async def test_links_are_left_out_if_the_host_does_not_support_them(connect: Any, settings: Settings) -> None:
     async with connect(settings.model_copy(update={"links": False})) as client:
         drawn, job = await client.call_tool("draw", {}), await client.call_tool("start_job", {"text": "short"})
     assert [type(block) for block in drawn.content] == [TextContent, ImageContent]
     assert [type(block) for block in job.content] == [TextContent]
 
 
-async def test_text_that_looks_like_a_list_stays_text_where_text_is_asked(connect: Any) -> None:
+async def test_text_that_looks_like_a_list_stays_text_if_the_argument_is_text(connect: Any) -> None:
     assert (await echoed(connect, text='["a"]'))["text"] == '["a"]'
 
 
@@ -149,7 +149,7 @@ async def test_unknown_tool_is_a_protocol_error_with_the_closest(connect: Any) -
     assert caught.value.error.code == INVALID_PARAMS
 
 
-async def test_domain_error_says_code_message_valid_and_next(connect: Any) -> None:
+async def test_a_domain_error_has_code_message_valid_values_and_next_step(connect: Any) -> None:
     assert await refused(connect, "refuse") == (
         "[not_possible] the lane ends. Valid: lane 1, lane 2. Next: call describe_scenario."
     )

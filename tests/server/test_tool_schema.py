@@ -102,7 +102,7 @@ def test_input_keeps_meaning_bounds_choices_and_defaults(schema: dict[str, Any])
     assert target["required"] == ["title"]
 
 
-def test_input_schema_takes_what_the_model_takes(schema: dict[str, Any]) -> None:
+def test_the_input_schema_accepts_what_the_model_accepts(schema: dict[str, Any]) -> None:
     validator = jsonschema.Draft202012Validator(schema)
     assert validator.is_valid({"title": "x", "limit": 2, "vehicle_class": "car", "targets": [{"title": "y"}]})
     assert not validator.is_valid({"title": "x", "limit": 0})
@@ -129,7 +129,7 @@ class Pair(Result):
         return Answer("a pair")
 
 
-def test_folded_output_names_only_what_stands_in_it_twice_and_has_null_first() -> None:
+def test_the_folded_output_names_only_repeated_parts_and_has_null_first() -> None:
     schema = folded(output_schema(Pair))
     assert list(schema["$defs"]) == ["Target"]
     assert schema["properties"]["second"]["anyOf"][0] == {"type": "null"}

@@ -45,7 +45,7 @@ CASES: tuple[tuple[str, dict[str, Any], tuple[str, ...]], ...] = (
 
 
 @pytest.mark.parametrize(("tool", "arguments", "told"), CASES, ids=[tool for tool, _, _ in CASES])
-async def test_every_fault_is_told(
+async def test_every_fault_is_reported(
     tool: str, arguments: dict[str, Any], told: tuple[str, ...], settings: Settings, warm_workers: None, tmp_path: Path
 ) -> None:
     town_road().write(tmp_path / "town.xml")
@@ -60,7 +60,7 @@ async def test_every_fault_is_told(
     assert [words for words in told if words not in text] == []
 
 
-async def test_an_edit_of_what_a_refused_edit_was_to_add_is_no_fault_of_its_own(
+async def test_an_edit_of_a_vehicle_from_a_refused_edit_is_not_a_fault_of_its_own(
     settings: Settings, warm_workers: None, tmp_path: Path
 ) -> None:
     town_road().write(tmp_path / "town.xml")

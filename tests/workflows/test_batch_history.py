@@ -68,10 +68,11 @@ async def test_each_batch_is_a_line_with_the_rates_of_its_configurations(connect
         assert (first.scenarios, first.lost, first.configs[0].invalid) == (4, 1, 1)
         assert lines[0].startswith("batch batch_new, 20")
         assert (
-            "constant velocity, recorded traffic, 2 scenarios: frenetix:Default 1/2 = 50 % (95 %: 9–91 %)" in lines[0]
+            "constant velocity, recorded traffic, 2 scenarios: frenetix:Default 1/2 = 50% (95% interval 9–91%)"
+            in lines[0]
         )
-        assert lines[1].endswith("1/2 = 50 % (95 %: 9–91 %), 1 invalid, 1 lost")
-        assert lines[2] == "Next: compare_results tests two of them"
+        assert lines[1].endswith("1/2 = 50% (95% interval 9–91%), 1 invalid, 1 lost")
+        assert "compare_results" in lines[2]
         paged, lines = await _batches(client, limit=1, offset=1)
         assert [item.artifact_id for item in paged.artifacts] == ["batch_old"]
         assert not lines[1:]
@@ -120,7 +121,7 @@ async def test_edits_of_a_scenario_count_with_it_as_in_an_analysis(connect: Conn
         assert AnalyzeResultsResult.model_validate(answer.structured_content).success == one.success
 
 
-async def test_one_name_of_two_configurations_stands_with_their_ids(connect: Connect, settings: Settings) -> None:
+async def test_one_name_of_two_configurations_is_shown_with_their_ids(connect: Connect, settings: Settings) -> None:
     async with connect() as client:
         workspace = await _with_starter(client, settings)
         twin = SAFE.model_copy(update={"name": DEFAULT.name})
@@ -131,7 +132,7 @@ async def test_one_name_of_two_configurations_stands_with_their_ids(connect: Con
         assert f"{DEFAULT.name} cfg_a 1/1" in lines[1]
 
 
-async def test_other_lists_hold_no_rates(connect: Connect, settings: Settings) -> None:
+async def test_other_lists_have_no_rates(connect: Connect, settings: Settings) -> None:
     async with connect() as client:
         _store(Workspace(settings.workspace), "batch_a", record(ONE))
         answer = await client.call_tool("list_artifacts", {})

@@ -112,7 +112,7 @@ async def test_no_older_batch_is_the_baseline_unless_it_is_named(connect: Connec
         assert _couples(found) == [(f"cfg_a {three}", f"cfg_b {three}")]
 
 
-async def test_two_versions_of_a_planner_are_sides_of_their_own(connect: Connect, settings: Settings) -> None:
+async def test_two_versions_of_a_planner_are_two_sides(connect: Connect, settings: Settings) -> None:
     async with connect() as client:
         workspace = await _workspace(client, settings)
         mine = DEFAULT.model_copy(update={"name": "mine:Default"})

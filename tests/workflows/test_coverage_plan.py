@@ -79,7 +79,7 @@ async def test_a_plan_makes_every_pair_that_can_be_and_names_the_others(connect:
 
 
 @pytest.mark.anyio
-async def test_what_the_workspace_holds_is_counted_and_not_made_again(connect: Connect, bare: Settings) -> None:
+async def test_scenarios_in_the_workspace_are_counted_and_not_generated_again(connect: Connect, bare: Settings) -> None:
     async with connect(bare) as client:
         shared = {"place": "Quadratstadt", "duration_s": 8}
         for density in ("low", "medium"):
@@ -94,7 +94,7 @@ async def test_what_the_workspace_holds_is_counted_and_not_made_again(connect: C
 
 
 @pytest.mark.anyio
-async def test_a_class_without_roads_is_said_not_to_be_possible_after_three_tries(
+async def test_a_class_without_roads_is_reported_as_impossible_after_three_tries(
     connect: Connect, bare: Settings
 ) -> None:
     async with connect(bare) as client:

@@ -93,7 +93,7 @@ async def test_solution_of_a_run_and_tables_of_a_batch(settings: Settings, tmp_p
         assert Path(again["files"][0]["path"]).read_bytes() == as_parquet.read_bytes()
 
 
-async def test_a_scenario_goes_out_for_other_tools_with_its_roads(settings: Settings, tmp_path: Path) -> None:
+async def test_a_scenario_is_exported_for_other_tools_with_its_roads(settings: Settings, tmp_path: Path) -> None:
     folder = tmp_path / "files"
     folder.mkdir()
     town_road().write(folder / "one.xml")
@@ -109,7 +109,7 @@ async def test_a_scenario_goes_out_for_other_tools_with_its_roads(settings: Sett
         assert files["opendrive"]["geometry"]["max_m"] < 0.1
         assert files["opendrive"]["geometry"]["within_share"] == 1.0
         text = result.content[0].text  # type: ignore[union-attr]
-        assert "100 % of" in text
+        assert "100% of" in text
         assert "lost: 1 goal" in text
         taken = await client.call_tool("export_artifacts", arguments)
         assert taken.is_error

@@ -73,6 +73,7 @@ def test_the_hour_sets_the_density_unless_one_is_given() -> None:
     assert free.conditions.per_lane_km == vehicles_per_lane_km(17) == 26.5
     assert given.conditions.per_lane_km is None
     assert any("26.5 vehicles per lane-km" in note for note in free.notes)
+    assert any("density=low" in note for note in given.notes)
 
 
 def test_hours_rank_as_their_shares_of_the_day() -> None:
@@ -95,7 +96,7 @@ def test_natural_traffic_has_the_classes_of_the_statistics_and_goods_of_the_hour
     assert with_natural_mix(mixed, None) == mixed
 
 
-def test_every_weather_is_told_with_what_it_does() -> None:
+def test_every_weather_is_reported_with_its_effects() -> None:
     for weather in WEATHERS:
         (note,) = read_conditions(arguments(f"weather={weather}")).notes
         assert ("slower" in note) is (weather in SPEED_FACTORS)
@@ -116,13 +117,13 @@ def test_every_weather_is_told_with_what_it_does() -> None:
         (["snow"], ["snow"]),
     ],
 )
-def test_what_cannot_be_meant_is_refused_with_what_can(conditions: list[str], named: list[str]) -> None:
+def test_a_meaningless_condition_is_refused_with_valid_ones(conditions: list[str], named: list[str]) -> None:
     with pytest.raises(PlannerForgeError) as refusal:
         read_conditions(arguments(*conditions))
     assert [word for word in named if word not in refusal.value.text] == []
 
 
-def test_published_calibrations_are_told_with_what_they_set_and_their_source() -> None:
+def test_published_calibrations_are_reported_with_their_values_and_source() -> None:
     read = read_conditions(arguments("drivers=GB motorway+m25-gaps", "weather=fog"))
     assert read.conditions is not None
     assert read.conditions.drivers == "gb_motorway+m25_gaps"
@@ -143,7 +144,7 @@ def test_published_calibrations_are_told_with_what_they_set_and_their_source() -
         ([], set()),
     ],
 )
-def test_what_a_catalogue_calls_the_conditions(conditions: list[str], words: set[str]) -> None:
+def test_names_of_the_conditions_in_the_catalogue(conditions: list[str], words: set[str]) -> None:
     assert set(circumstances_of(read_conditions(arguments(*conditions)).conditions)) == words
 
 
@@ -163,7 +164,7 @@ def test_flows_are_read_as_they_are_written(text: str, flows: list[tuple[str, st
     assert read.per_lane_km is None, "counts stand in the place of the hour's density"
 
 
-def test_counts_and_origins_stand_side_by_side() -> None:
+def test_counts_and_origins_are_listed_side_by_side() -> None:
     read = read_conditions(arguments("counts=A:5", "od=B>C:6", "trips=fringe")).conditions
     assert read is not None
     assert [str(flow) for flow in read.flows] == ["A", "B to C"]
@@ -227,12 +228,12 @@ def test_a_table_that_cannot_be_read_is_refused(
     assert named in refusal.value.text
 
 
-def test_a_table_lies_where_tools_may_read(call: WorkflowContext) -> None:
+def test_a_table_is_in_a_folder_that_tools_may_read(call: WorkflowContext) -> None:
     with pytest.raises(OutsideRoots):
         with_tables_read(["counts=/etc/hosts.csv"], call)
 
 
-def test_all_faults_of_the_conditions_are_told_at_once() -> None:
+def test_all_faults_of_the_conditions_are_reported_at_once() -> None:
     with pytest.raises(InvalidRequest) as refusal:
         read_conditions(arguments("time=99", "weather=sunny", "drivers=crazy"))
     assert all(word in refusal.value.text for word in ("time=99", "sunny", "crazy"))
@@ -269,7 +270,7 @@ def test_a_manoeuvre_of_others_is_understood_by_name_and_in_words(text: str, ask
         ("cut_in:trukc", "truck"),
     ],
 )
-def test_a_manoeuvre_that_others_cannot_make_is_refused_with_what_is_near(text: str, valid: str) -> None:
+def test_a_manoeuvre_that_others_cannot_make_is_refused_with_similar_ones(text: str, valid: str) -> None:
     with pytest.raises(InvalidRequest) as refusal:
         read_conditions(arguments(f"others={text}"))
     assert valid in refusal.value.valid

@@ -24,7 +24,7 @@ OVER_THREE_MAPS = [54.602, 5.195, 54.634, 5.2434]
 """A corner of Fahrhausen without a site, the upper rim of Musterstadt, and Kreiselheim."""
 
 
-def test_maps_take_turns_and_a_site_that_stands_in_is_no_other_scenarios_own() -> None:
+def test_maps_take_turns_and_a_replacement_site_is_not_another_scenario_s_own() -> None:
     orders = share_sites([MAPS["Fahrhausen"], MAPS["Landmoor"], MAPS["Neuland"]], [4, 0, 1], 4)
     assert [(o.match.entry.facts.place, o.site_index) for o in orders] == [
         ("Fahrhausen", 0),
@@ -36,9 +36,7 @@ def test_maps_take_turns_and_a_site_that_stands_in_is_no_other_scenarios_own() -
     assert sum(map(len, ways)) == len(set.union(*ways))
 
 
-def test_a_site_that_fails_is_replaced_by_one_that_no_other_scenario_takes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_site_that_fails_is_replaced_by_an_unused_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     arguments = GenerateScenariosArguments.model_validate(
         {"place": "Quadratstadt", "scenario_type": "intersection", "duration_s": 5, "count": 3}
     )
@@ -72,13 +70,13 @@ def test_a_country_named_for_a_map_without_one_reaches_the_engine_as_its_code(sp
     [
         ({"vehicles": ["truck"]}, [{"vehicle_class": "truck", "least": None, "most": None, "share": 0.022}]),
         ({"vehicles": ["taxi"]}, [{"vehicle_class": "taxi", "least": None, "most": None, "share": 0.0}]),
-        ({"vehicles": ["taxi = 30 %"]}, [{"vehicle_class": "taxi", "least": None, "most": None, "share": 0.3}]),
+        ({"vehicles": ["taxi = 30%"]}, [{"vehicle_class": "taxi", "least": None, "most": None, "share": 0.3}]),
         ({"ego": "type:bus"}, [{"vehicle_class": "bus", "least": None, "most": None, "share": 0.0025}]),
         ({"vehicles": ["bus=2"], "ego": "type:bus"}, [{"vehicle_class": "bus", "least": 2, "most": None}]),
         ({"vehicles": ["car"]}, [{"vehicle_class": "car", "least": None, "most": None}]),
     ],
 )
-def test_a_class_without_a_number_is_asked_for_by_its_share(wish: dict[str, object], demands: list[object]) -> None:
+def test_a_class_without_a_number_is_requested_by_its_share(wish: dict[str, object], demands: list[object]) -> None:
     arguments = GenerateScenariosArguments.model_validate(wish)
     request = request_for(read_specification(arguments), AssignedSite(MAPS["Fahrhausen"]), 0)
     assert request.model_dump(mode="json")["vehicles"] == demands
@@ -107,7 +105,7 @@ async def test_the_orders_of_a_call_reach_the_engine_with_their_step(
 
 @pytest.mark.anyio
 @pytest.mark.usefixtures("starter_ready")
-async def test_a_box_over_two_maps_is_served_by_the_one_that_holds_a_site_in_it(connect: Connect) -> None:
+async def test_a_box_over_two_maps_is_served_by_the_map_with_a_site_in_it(connect: Connect) -> None:
     async with connect() as client:
         wish = {"bbox": OVER_THREE_MAPS, "scenario_type": "intersection", "duration_s": 5}
         answer = (await client.call_tool("generate_scenarios", wish)).structured_content
@@ -119,7 +117,7 @@ async def test_a_box_over_two_maps_is_served_by_the_one_that_holds_a_site_in_it(
 
 @pytest.mark.anyio
 @pytest.mark.usefixtures("starter_ready")
-async def test_what_was_made_is_answered_though_another_one_failed(
+async def test_finished_scenarios_are_reported_even_if_another_fails(
     connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = WorkflowContext.run

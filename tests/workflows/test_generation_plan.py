@@ -18,7 +18,7 @@ MATCHES = [MapMatch(entry) for entry in built_in_maps()[:3]]
 IDS = [match.entry.facts.map_id for match in MATCHES]
 
 
-def test_a_type_that_no_map_of_a_box_holds_is_refused_with_what_all_of_them_hold() -> None:
+def test_a_type_that_no_map_of_a_box_has_is_refused_with_the_types_of_all_of_them() -> None:
     entries = [entry for entry in built_in_maps() if "roundabout" not in entry.facts.sites]
     arguments = GenerateScenariosArguments(scenario_type="roundabout", country="ZAM", bbox=[-80.0, -170.0, 80.0, 170.0])
     with pytest.raises(NotPossible, match=f"none of the {len(entries)} matching maps has a roundabout site") as caught:
@@ -26,7 +26,7 @@ def test_a_type_that_no_map_of_a_box_holds_is_refused_with_what_all_of_them_hold
     assert set(caught.value.valid) == {kind for entry in entries for kind in entry.facts.sites}
 
 
-def test_a_single_map_is_left_to_say_itself_what_it_lacks() -> None:
+def test_a_single_map_states_itself_what_it_lacks() -> None:
     arguments = GenerateScenariosArguments(scenario_type="ramp", place="Landmoor")
     assert [match.entry.facts.place for match in plan_maps(read_specification(arguments), built_in_maps()).matches] == [
         "Landmoor"
@@ -56,7 +56,7 @@ def test_a_row_passes_over_the_sites_of_a_map_that_does_not_suit_it() -> None:
     assert taken(spot, turns, hopeless) == ["-0.2", "-0.0", "1.0"]
 
 
-def test_a_row_takes_what_comes_where_no_map_suits_it_or_those_that_do_are_far() -> None:
+def test_a_row_takes_any_map_if_suitable_ones_are_missing_or_far() -> None:
     none: Hopeless = frozenset(("ramp", key, 1, 1) for key in IDS)
     assert taken(Spot("ramp", tuple((match, 1) for match in MATCHES)), {}, none) == ["0.0"]
     first: Hopeless = frozenset({("ramp", IDS[0], 1, 1)})

@@ -5,6 +5,7 @@ import json
 import pytest
 from support.server import Connect
 
+from plannerforge.schemas.generation import SHARES_SOURCE
 from plannerforge.server.settings import Settings
 from plannerforge.workflows.generation.record import REPORT
 
@@ -17,7 +18,7 @@ WISH = {
 }
 
 
-async def test_classes_that_commonroad_has_no_type_for_are_told_of_every_vehicle(connect: Connect) -> None:
+async def test_classes_without_a_commonroad_type_are_reported_for_every_vehicle(connect: Connect) -> None:
     async with connect() as client:
         await client.call_tool("generate_scenarios", WISH)
         answer = await client.call_tool("describe_scenario", {"detail": "vehicles", "radius_m": 2000})
@@ -29,7 +30,7 @@ async def test_classes_that_commonroad_has_no_type_for_are_told_of_every_vehicle
         assert str(answer.content).count(" motorcycle (moped): ") == 1
 
 
-async def test_asked_and_realised_are_told_with_the_checks(connect: Connect) -> None:
+async def test_requested_and_realised_values_are_reported_with_the_checks(connect: Connect) -> None:
     async with connect() as client:
         made = (await client.call_tool("generate_scenarios", WISH)).structured_content
         assert made is not None
@@ -44,7 +45,7 @@ async def test_asked_and_realised_are_told_with_the_checks(connect: Connect) -> 
         assert "5 s recorded (requested: 5)" in str(answer.content)
 
 
-async def test_notes_and_warnings_are_listed_whole_where_the_detail_asks_for_them(
+async def test_notes_and_warnings_are_listed_in_full_if_the_detail_requests_them(
     connect: Connect, settings: Settings
 ) -> None:
     async with connect() as client:
@@ -64,7 +65,7 @@ async def test_notes_and_warnings_are_listed_whole_where_the_detail_asks_for_the
             assert f"Generation note: {repair}" in text
 
 
-async def test_scenarios_of_other_origin_have_no_such_part(connect: Connect) -> None:
+async def test_scenarios_of_other_origin_lack_this_part(connect: Connect) -> None:
     async with connect() as client:
         answer = await client.call_tool("describe_scenario", {})
         assert answer.structured_content is not None
@@ -72,22 +73,22 @@ async def test_scenarios_of_other_origin_have_no_such_part(connect: Connect) -> 
         assert "Generated:" not in str(answer.content)
 
 
-async def test_shares_of_traffic_are_told_with_their_source(connect: Connect) -> None:
+async def test_shares_of_traffic_are_reported_with_their_source(connect: Connect) -> None:
     async with connect() as client:
         wish = {"place": "Musterstadt", "vehicles": ["bus", "taxi", "truck=30%"], "duration_s": 5}
         made = (await client.call_tool("generate_scenarios", wish)).structured_content
         assert made is not None
         bus, taxi, truck = made["scenarios"][0]["notes"][:3]
-        source = "ACEA, Vehicles in use in Europe: EU, 2019"
-        assert bus == f"bus: 0.25 % of all vehicles, its share of traffic ({source}), but at least one"
-        assert taxi.startswith("taxi: at least one; its share of traffic is unknown")
+        assert bus.startswith("bus: 0.25% of all vehicles")
+        assert SHARES_SOURCE in bus
+        assert taxi.startswith("taxi: at least one, ")
         realised = made["scenarios"][0]["classes_realised"]
         assert (realised["bus"], realised["taxi"]) == (1, 1)
         assert truck.startswith("truck: 30% of all vehicles requested, ")
         assert 0.2 < realised["truck"] / made["scenarios"][0]["vehicles_realised"] < 0.4
 
 
-async def test_conditions_are_told_and_the_scenario_is_found_by_them_after_an_edit_too(connect: Connect) -> None:
+async def test_conditions_are_reported_and_the_scenario_is_found_by_them_after_an_edit_too(connect: Connect) -> None:
     async with connect() as client:
         conditions = ["time=night", "drivers=m25_gaps", "trips=fringe"]
         wish = {"place": "Musterstadt", "duration_s": 5, "conditions": conditions}

@@ -11,13 +11,14 @@ from support.tree import CHECKOUT
 from plannerforge.engine.maps import MapMatch
 from plannerforge.engine.maps.index import built_in_maps
 from plannerforge.schemas.errors import InvalidRequest
+from plannerforge.schemas.errors.remedies import followed
 from plannerforge.schemas.generation import (
-    AskedEgo,
-    AskedGoal,
-    AskedManoeuvre,
     GenerateScenariosArguments,
     GenerationRequest,
     GenerationSpec,
+    RequestedEgo,
+    RequestedGoal,
+    RequestedManoeuvre,
     ScenarioSpec,
     Turn,
 )
@@ -36,13 +37,13 @@ def read(**given: Any) -> GenerationSpec:
 @pytest.mark.parametrize(
     ("text", "goal"),
     [
-        ("through", AskedGoal("through")),
-        *((f"through:{turn}", AskedGoal(f"through:{turn}", turn=turn)) for turn in get_args(Turn)),
-        ("steps:070", AskedGoal("steps:070", steps=70)),
-        ("distance_m:40.5", AskedGoal("distance_m:40.5", distance_m=40.5)),
+        ("through", RequestedGoal("through")),
+        *((f"through:{turn}", RequestedGoal(f"through:{turn}", turn=turn)) for turn in get_args(Turn)),
+        ("steps:070", RequestedGoal("steps:070", steps=70)),
+        ("distance_m:40.5", RequestedGoal("distance_m:40.5", distance_m=40.5)),
     ],
 )
-def test_a_goal_is_typed_and_keeps_its_words(text: str, goal: AskedGoal) -> None:
+def test_a_goal_is_typed_and_keeps_its_words(text: str, goal: RequestedGoal) -> None:
     assert read(goal=text).goal == goal
     assert str(goal) == text
     assert goal.is_through is text.startswith("through")
@@ -57,34 +58,51 @@ def test_a_goal_on_a_lanelet_has_its_position_and_size() -> None:
 @pytest.mark.parametrize(
     ("text", "ego"),
     [
-        ("first", AskedEgo()),
-        ("index:2", AskedEgo("index:2", index=2)),
-        ("lorry", AskedEgo("type:truck", vehicle_class="truck")),
-        ("type:bicycle", AskedEgo("type:bicycle", other_class="bicycle")),
+        ("first", RequestedEgo()),
+        ("index:2", RequestedEgo("index:2", index=2)),
+        ("lorry", RequestedEgo("type:truck", vehicle_class="truck")),
+        ("type:bicycle", RequestedEgo("type:bicycle", other_class="bicycle")),
     ],
 )
-def test_an_ego_is_typed(text: str, ego: AskedEgo) -> None:
+def test_an_ego_is_typed(text: str, ego: RequestedEgo) -> None:
     assert read(ego=text).ego == ego
 
 
 def test_box_and_manoeuvre_are_typed() -> None:
     spec = read(bbox=[1, 2, 3, 4], conditions=["others=cut-in:lorry"])
-    assert (spec.bbox, spec.others) == ((1.0, 2.0, 3.0, 4.0), AskedManoeuvre("cut_in", "truck"))
+    assert (spec.bbox, spec.others) == ((1.0, 2.0, 3.0, 4.0), RequestedManoeuvre("cut_in", "truck"))
 
 
-def test_all_that_is_wrong_with_a_call_is_told_at_once() -> None:
+def test_all_faults_of_a_generation_call_are_reported_at_once() -> None:
     with pytest.raises(InvalidRequest) as refusal:
         read(goal="nowhere", ego="second", bbox=[3, 2, 1, 4], vehicles=["spaceship"], conditions=["weather=sunny"])
     assert len(refusal.value.faults) == 5
 
 
-def test_a_turn_that_no_ego_makes_at_a_type_is_refused_with_those_that_are_made() -> None:
+def test_a_turn_that_no_ego_makes_at_a_type_is_refused_with_possible_turns() -> None:
     with pytest.raises(InvalidRequest) as refusal:
         read(goal="through:left", scenario_type="highway").check_turn()
     assert set(refusal.value.valid) == {"through:straight", "through:lane_change"}
 
 
-def test_every_default_stands_in_one_place() -> None:
+@pytest.mark.parametrize(
+    ("text", "proposed"),
+    [("merge", "through:merge"), ("distance_m:99999", "distance_m:2000"), ("steps:3", "steps:10"), ("north", None)],
+)
+def test_an_invalid_goal_is_refused_with_the_nearest_one_before_it_is_dropped(text: str, proposed: str | None) -> None:
+    with pytest.raises(InvalidRequest) as refusal:
+        RequestedGoal.of(text)
+    calls = [followed(remedy, "generate_scenarios", {"goal": text}) for remedy in refusal.value.remedies]
+    assert [call and call.arguments.get("goal") for call in calls] == ([proposed, None] if proposed else [None])
+
+
+@pytest.mark.parametrize("text", ["!truck", "no trucks", "without lorries", "truck=0"])
+def test_a_class_that_is_excluded_has_no_vehicles(text: str) -> None:
+    (demand,) = read(vehicles=[text]).vehicles
+    assert (demand.vehicle_class, demand.least, demand.most) == ("truck", 0, 0)
+
+
+def test_every_default_is_defined_in_one_place() -> None:
     assert read() == GenerationSpec()
     arguments, asked = GenerateScenariosArguments(), ScenarioSpec().model_dump(mode="json")
     shared = asked.keys() & arguments.model_dump().keys() - {"road_classes", "vehicles", "conditions"}
@@ -92,7 +110,7 @@ def test_every_default_stands_in_one_place() -> None:
     assert {name: asked[name] for name in shared} == {name: getattr(arguments, name) for name in shared}
 
 
-def test_a_recipe_has_the_form_that_recipes_always_had() -> None:
+def test_a_recipe_keeps_its_form_over_versions() -> None:
     request = request_for(read(place="Fahrhausen", ego="lorry", conditions=["others=cut_in"]), site(), 0)
     recorded = recipe_of(request).arguments
     assert [name for name in recorded if name != "map_content"] == [

@@ -26,7 +26,7 @@ async def test_packed_maps_of_a_folder_go_in_and_a_broken_one_is_named(connect: 
         assert "cannot be unpacked" in text
 
 
-async def test_the_country_of_a_map_may_be_said(connect: Connect, tmp_path: Path) -> None:
+async def test_the_country_of_a_map_may_be_stated(connect: Connect, tmp_path: Path) -> None:
     (tmp_path / "town.osm").write_bytes((LIBRARY / "fahrhausen.osm").read_bytes())
     async with connect() as client:
         answer = await client.call_tool("import_files", {"path": "town.osm", "country": "Germany"})
@@ -35,7 +35,7 @@ async def test_the_country_of_a_map_may_be_said(connect: Connect, tmp_path: Path
         assert "there is no country 'Atlantis'" in unknown.content[0].text
 
 
-async def test_a_country_is_refused_where_there_is_no_map(connect: Connect, tmp_path: Path) -> None:
+async def test_a_country_without_a_map_is_refused(connect: Connect, tmp_path: Path) -> None:
     (tmp_path / "some.yaml").write_text("cost_weights: {}")
     async with connect() as client:
         answer = await client.call_tool("import_files", {"path": "some.yaml", "country": "DEU"})
@@ -43,7 +43,7 @@ async def test_a_country_is_refused_where_there_is_no_map(connect: Connect, tmp_
         assert "country is only for maps" in str(answer.content)
 
 
-async def test_a_map_is_taken_by_its_content_whatever_its_name(connect: Connect, tmp_path: Path) -> None:
+async def test_a_map_is_identified_by_its_content_under_any_name(connect: Connect, tmp_path: Path) -> None:
     folder = tmp_path / "maps"
     folder.mkdir()
     town = (LIBRARY / "fahrhausen.osm").read_bytes()
@@ -58,7 +58,7 @@ async def test_a_map_is_taken_by_its_content_whatever_its_name(connect: Connect,
         assert {item["kind"] for item in (answer.structured_content or {})["items"]} == {"map"}
 
 
-async def test_a_compressed_scenario_is_taken_and_other_compressed_xml_passed_over(
+async def test_a_compressed_scenario_is_imported_and_other_compressed_xml_is_skipped(
     connect: Connect, tmp_path: Path
 ) -> None:
     folder = tmp_path / "scenarios"
@@ -77,7 +77,7 @@ async def test_a_compressed_scenario_is_taken_and_other_compressed_xml_passed_ov
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux has file names that are not UTF-8")
-async def test_file_of_another_user_is_passed_over_and_told_and_refused_alone(
+async def test_another_user_s_file_is_skipped_and_reported_and_refused_alone(
     connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = tmp_path / "maps"
@@ -96,7 +96,7 @@ async def test_file_of_another_user_is_passed_over_and_told_and_refused_alone(
         assert "may not be read 1" in (answer.structured_content or {})["note"]
 
 
-async def test_files_with_names_that_are_not_utf8_are_passed_over_and_told(connect: Connect, tmp_path: Path) -> None:
+async def test_files_with_names_that_are_not_utf8_are_skipped_and_reported(connect: Connect, tmp_path: Path) -> None:
     folder = tmp_path / "maps"
     folder.mkdir()
     town = (LIBRARY / "fahrhausen.osm").read_bytes()

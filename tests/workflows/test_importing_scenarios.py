@@ -77,7 +77,7 @@ async def test_a_file_is_read_by_another_worker_after_one_dies(workspace: Worksp
 
 
 @pytest.mark.parametrize("deaths", [[WorkerFailure("killed"), WorkerFailure("killed")], [WorkerTimeout("too long")]])
-async def test_a_file_that_ends_its_workers_is_refused_and_the_rest_goes_in(
+async def test_a_file_that_crashes_its_workers_is_refused_and_the_rest_is_imported(
     workspace: Workspace, tmp_path: Path, deaths: list[WorkerFailure]
 ) -> None:
     outcomes = await imported(workspace, tmp_path, Reader({"2": list(deaths)}), 3)

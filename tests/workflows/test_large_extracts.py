@@ -44,7 +44,7 @@ async def added(client: Client, path: Path) -> str:
     return str(item["artifact_id"])
 
 
-async def test_a_town_of_a_country_is_cut_out_and_told(connect: Connect, country: Path) -> None:
+async def test_a_town_of_a_country_is_cut_out_and_reported(connect: Connect, country: Path) -> None:
     async with connect() as client:
         map_id = await added(client, country)
         answer = await structured(client, "generate_scenarios", **WISH)
@@ -56,7 +56,7 @@ async def test_a_town_of_a_country_is_cut_out_and_told(connect: Connect, country
         assert scenario["map_id"] not in listed
 
 
-async def test_the_same_request_gives_the_same_scenario_whatever_came_between(connect: Connect, country: Path) -> None:
+async def test_the_same_request_gives_the_same_scenario_after_other_requests(connect: Connect, country: Path) -> None:
     async with connect() as client:
         await added(client, country)
         first = await structured(client, "generate_scenarios", **WISH)
@@ -77,7 +77,7 @@ async def test_a_map_of_the_town_itself_wins_over_the_country(connect: Connect, 
         assert any(map_id in note for note in answer["notes"])
 
 
-async def test_a_box_is_cut_out_where_no_other_map_lies(connect: Connect, country: Path) -> None:
+async def test_a_box_outside_all_other_maps_is_cut_out(connect: Connect, country: Path) -> None:
     async with connect() as client:
         await added(client, country)
         box = [54.59, 5.64, 54.61, 5.66]
@@ -94,7 +94,7 @@ async def test_a_place_that_no_map_shows_is_refused_as_before(connect: Connect, 
         assert "no map contains 'Atlantis'" in said
 
 
-async def test_a_broken_extract_is_refused_and_leaves_nothing(
+async def test_a_broken_extract_is_refused_and_leaves_no_files(
     connect: Connect, country: Path, settings: Settings
 ) -> None:
     country.write_bytes(country.read_bytes()[:1000])

@@ -34,7 +34,7 @@ def settings(settings: Settings, folder: Path) -> Settings:
     return settings.model_copy(update={"map_folders": (folder, folder.parent / "nowhere")})
 
 
-async def test_a_broken_map_does_not_stop_the_others_and_is_told_of(connect: Connect) -> None:
+async def test_a_broken_map_does_not_stop_the_others_and_is_reported(connect: Connect) -> None:
     async with connect() as client:
         answer = await client.call_tool("generate_scenarios", WISH)
         assert not answer.is_error, answer.content
@@ -47,7 +47,7 @@ async def test_a_broken_map_does_not_stop_the_others_and_is_told_of(connect: Con
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux has file names that are not UTF-8")
-async def test_a_map_with_a_name_that_is_not_utf8_is_left_out_and_told_of(connect: Connect, folder: Path) -> None:
+async def test_a_map_with_a_name_that_is_not_utf8_is_left_out_and_reported(connect: Connect, folder: Path) -> None:
     (folder / os.fsdecode(b"lost\xff.osm")).write_bytes((LIBRARY / "fahrhausen.osm").read_bytes())
     async with connect() as client:
         answer = await client.call_tool("generate_scenarios", WISH)
@@ -81,7 +81,7 @@ async def test_a_map_that_was_mended_is_read_again(connect: Connect, folder: Pat
         assert not answer.is_error, answer.content
 
 
-async def test_a_box_larger_than_the_maps_is_used_where_they_lie(connect: Connect) -> None:
+async def test_a_box_larger_than_the_maps_is_used_within_them(connect: Connect) -> None:
     async with connect() as client:
         country = {"bbox": [50.0, 0.0, 60.0, 10.0], "duration_s": 5}
         answer = await client.call_tool("generate_scenarios", country)
@@ -89,7 +89,7 @@ async def test_a_box_larger_than_the_maps_is_used_where_they_lie(connect: Connec
         assert any("no map covers the whole bbox" in note for note in answer.structured_content["notes"])
 
 
-async def test_what_an_older_program_kept_of_a_map_is_read_anew(connect: Connect, settings: Settings) -> None:
+async def test_map_facts_of_an_older_program_are_read_again(connect: Connect, settings: Settings) -> None:
     async with connect() as client:
         await client.call_tool("generate_scenarios", WISH)
     workspace = Workspace(settings.workspace)
@@ -106,7 +106,7 @@ async def test_what_an_older_program_kept_of_a_map_is_read_anew(connect: Connect
 
 
 @pytest.mark.parametrize("version", [1, MAP_FACTS_VERSION])
-async def test_a_stored_map_without_its_file_is_left_out_and_told_of(
+async def test_a_stored_map_without_its_file_is_left_out_and_reported(
     connect: Connect, settings: Settings, version: int
 ) -> None:
     async with connect() as client:

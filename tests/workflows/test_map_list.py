@@ -100,7 +100,7 @@ async def test_scenario_places_and_map_places_are_kept_apart(call: WorkflowConte
     assert "Bonn" not in maps.to_text()
 
 
-async def test_a_cut_list_says_the_count_and_the_call_for_the_rest(call: WorkflowContext) -> None:
+async def test_a_shortened_list_gives_the_count_and_the_call_for_the_rest(call: WorkflowContext) -> None:
     for number in range(40):
         store(call, map_of(f"Town{number:02}", "DEU", {"urban": 1}))
     first, second = await asked(call, within="DEU"), await asked(call, within="DEU", offset=40)

@@ -71,7 +71,7 @@ def stored(settings: Settings, kind: str) -> list[Any]:
         workspace.close()
 
 
-async def test_a_place_is_fetched_kept_and_made_again_without_a_net(
+async def test_a_place_is_fetched_cached_and_generated_again_without_a_net(
     connect: Connect, online: Settings, servers: MapServers, tmp_path: Path
 ) -> None:
     async with connect(online) as client:
@@ -98,7 +98,7 @@ async def test_a_place_is_fetched_kept_and_made_again_without_a_net(
     assert (online.workspace / file).read_bytes() == (other.workspace / file).read_bytes()
 
 
-async def test_maps_at_hand_win_unless_the_net_is_asked_for(
+async def test_local_maps_take_precedence_unless_the_net_is_requested(
     connect: Connect, online: Settings, servers: MapServers
 ) -> None:
     async with connect(online) as client:
@@ -113,7 +113,7 @@ async def test_maps_at_hand_win_unless_the_net_is_asked_for(
         assert len(servers.requests) == 1
 
 
-async def test_the_setting_says_whether_the_net_is_asked(
+async def test_the_setting_decides_whether_the_net_is_queried(
     connect: Connect, online: Settings, servers: MapServers
 ) -> None:
     offline = changed(online, servers, maps_online="offline")
@@ -129,7 +129,7 @@ async def test_the_setting_says_whether_the_net_is_asked(
     assert servers.requests == []
 
 
-async def test_the_services_learn_the_place_and_the_roads_and_nothing_of_the_traffic(
+async def test_the_services_learn_the_place_and_the_roads_but_not_the_traffic(
     connect: Connect, online: Settings, servers: MapServers
 ) -> None:
     async with connect(online) as client:
@@ -146,7 +146,7 @@ async def test_the_services_learn_the_place_and_the_roads_and_nothing_of_the_tra
     assert not [word for word in ("truck", "medium", "4711", "idm", str(online.workspace)) if word in sent]
 
 
-async def test_what_can_never_be_met_is_refused_before_a_service_is_asked(
+async def test_an_impossible_request_is_refused_before_a_service_is_queried(
     connect: Connect, online: Settings, servers: MapServers
 ) -> None:
     async with connect(online) as client:
@@ -162,7 +162,9 @@ async def test_what_can_never_be_met_is_refused_before_a_service_is_asked(
     assert servers.requests == []
 
 
-async def test_services_that_fail_leave_nothing_behind(connect: Connect, online: Settings, servers: MapServers) -> None:
+async def test_services_that_fail_leave_no_files_behind(
+    connect: Connect, online: Settings, servers: MapServers
+) -> None:
     async with connect(online) as client:
         servers.fail("one", Fault("cut", 2))
         servers.fail("two", Fault("html", 2))
@@ -179,7 +181,7 @@ async def test_services_that_fail_leave_nothing_behind(connect: Connect, online:
         assert "Nominatim cannot be used" in text
 
 
-async def test_an_invented_place_is_no_failure_of_the_service(
+async def test_an_invented_place_is_not_a_failure_of_the_service(
     connect: Connect, online: Settings, servers: MapServers
 ) -> None:
     async with connect(online) as client:
@@ -197,7 +199,7 @@ async def test_an_invented_place_is_no_failure_of_the_service(
         assert "“Kreiselheim”" in misspelled
 
 
-async def test_which_of_two_towns_is_asked_where_the_client_can_ask(
+async def test_the_user_chooses_between_two_towns_if_the_client_can_ask(
     warm_workers: None, online: Settings, era: str, tmp_path: Path
 ) -> None:
     asked: list[ElicitRequestParams] = []
@@ -215,7 +217,7 @@ async def test_which_of_two_towns_is_asked_where_the_client_can_ask(
     assert question.message == "Which Springfield do you mean?"
 
 
-async def test_which_of_two_towns_is_told_where_no_choice_is_made(
+async def test_an_ambiguous_town_is_refused_with_both_if_the_user_does_not_choose(
     warm_workers: None, online: Settings, era: str, tmp_path: Path
 ) -> None:
     async def decline(context: Any, parameters: ElicitRequestParams) -> ElicitResult:
@@ -231,7 +233,7 @@ async def test_which_of_two_towns_is_told_where_no_choice_is_made(
     assert stored(online, "map") == []
 
 
-async def test_a_map_of_a_like_name_is_no_map_of_the_place(connect: Connect, settings: Settings) -> None:
+async def test_a_map_with_a_similar_name_is_not_a_map_of_the_place(connect: Connect, settings: Settings) -> None:
     first, second = drawn_town("kreiselheim.osm"), drawn_town("quadratstadt.osm", (50.0, 9.0), 1000)
     places = [*town_places("Faultville 3", first), *town_places("Faultville 30", second)]
     with MapServers([first, second], places, (Mirror("one"), Mirror("two"))).running() as servers:

@@ -31,7 +31,7 @@ def test_every_function_has_one_operation() -> None:
 
 
 @pytest.mark.parametrize("spec", TOOLS, ids=lambda spec: spec.name)
-def test_tool_declares_what_it_takes_and_answers(spec: ToolSpec) -> None:
+def test_a_tool_declares_its_input_and_output(spec: ToolSpec) -> None:
     hints = get_type_hints(spec.load_function())
     assert set(hints) == {"arguments", "call", "return"}
     assert issubclass(hints["arguments"], Arguments)

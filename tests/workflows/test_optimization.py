@@ -125,7 +125,7 @@ async def test_a_planted_better_value_is_found_and_idle_changes_are_taken_back(
 
 
 @pytest.mark.anyio
-async def test_the_order_in_which_runs_end_changes_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+async def test_the_order_in_which_runs_end_does_not_matter(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     first = await _study(monkeypatch, tmp_path / "first", _needs_small_headway)
     second = await _study(monkeypatch, tmp_path / "second", _needs_small_headway, backwards=True)
     assert first.model_dump_json() == second.model_dump_json()
@@ -133,7 +133,7 @@ async def test_the_order_in_which_runs_end_changes_nothing(monkeypatch: pytest.M
 
 @pytest.mark.anyio
 @pytest.mark.parametrize("rule", [_always, _never_better])
-async def test_where_nothing_is_better_the_base_stays(
+async def test_the_base_stays_if_no_candidate_is_better(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, rule: Rule
 ) -> None:
     study = await _study(monkeypatch, tmp_path, rule)
@@ -143,9 +143,7 @@ async def test_where_nothing_is_better_the_base_stays(
 
 
 @pytest.mark.anyio
-async def test_a_front_holds_no_candidate_that_another_one_beats(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+async def test_a_front_has_no_dominated_candidate(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     given = {"objective": ["success", "comfort"], "pareto": True}
     study = await _study(monkeypatch, tmp_path, _needs_small_headway, **given)
     assert study.front
@@ -168,7 +166,7 @@ async def test_a_candidate_that_breaks_a_constraint_is_never_the_best(
 
 
 @pytest.mark.anyio
-async def test_what_matters_to_the_runs_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+async def test_weights_that_matter_to_the_runs_are_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     vary = ["time_headway_s", "minimum_gap_m"]
     study = await _study(monkeypatch, tmp_path, _needs_small_headway, method="morris", vary=vary, max_trials=30)
     assert [(one.name, one.verdict) for one in study.effects] == [
@@ -206,9 +204,7 @@ async def test_no_more_configurations_are_driven_than_were_allowed(
 
 
 @pytest.mark.anyio
-async def test_what_could_not_be_judged_is_not_said_to_be_better(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+async def test_an_unjudged_candidate_is_not_reported_as_better(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     study = await _study(monkeypatch, tmp_path, _needs_small_headway, max_trials=3, vary=["time_headway_s=0.1..0.7"])
     assert (study.headline_code, study.held_out) == ("not_judged", None)
 
@@ -249,7 +245,7 @@ def test_the_two_halves_share_no_place(seed: int) -> None:
     assert {one.scenario_id for half in halves for one in half} == set(SCENARIOS)
 
 
-def test_one_place_is_divided_by_its_maps_and_that_is_told() -> None:
+def test_one_place_is_divided_by_its_maps_and_that_is_reported() -> None:
     chosen = [ChosenScenario(f"DEU_A-{number}_1_T-1") for number in (1, 1, 2)]
     halves, places, notes = optimization._divided(chosen, {one.scenario_id: one.scenario_id for one in chosen}, 0)
     assert {place for side in places for place in side} == {"DEU_A-1", "DEU_A-2"}

@@ -68,7 +68,7 @@ async def call(settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPat
         yield ask
 
 
-async def test_results_stay_readable_when_their_planner_is_gone(call: Call, tmp_path: Path) -> None:
+async def test_results_stay_readable_without_their_planner(call: Call, tmp_path: Path) -> None:
     scenarios = ["ZAM_Builder-1_1_T-1"]
     batch = await call("run_planner", scenarios=scenarios, configs=["idm", "theirs"], wait_s=50)
     shutil.rmtree(tmp_path / "site" / "own_theirs-1.0.dist-info")

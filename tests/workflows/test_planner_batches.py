@@ -21,5 +21,5 @@ MADE = CellResult(None, LostCell(scenario_id="", config_id="", error=""))
     ],
     ids=["nothing", "new", "only looked up", "resumed", "two by somebody else", "all looked up"],
 )
-def test_share_counts_only_what_was_not_there_before(finished: list[CellResult], known: int, share: float) -> None:
+def test_the_share_counts_only_new_runs(finished: list[CellResult], known: int, share: float) -> None:
     assert own_share(finished, known, 10) == pytest.approx(share)

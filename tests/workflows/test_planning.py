@@ -40,7 +40,7 @@ async def call(settings: Settings, warm_workers: None, tmp_path: Path) -> AsyncI
         yield ask
 
 
-async def test_what_there_is_to_set(call: Call) -> None:
+async def test_available_settings(call: Call) -> None:
     found = await call("list_planners")
     assert [item["name"] for item in found["planners"]] == list(PLANNERS)
     assert found["config_name"] == "frenetix:Default"
@@ -115,7 +115,7 @@ async def test_the_baseline_and_settings_go_the_whole_way(call: Call) -> None:
 REFUSED: tuple[tuple[str, dict[str, Any], str], ...] = (
     ("configure_planner", {"weights": ["jerk=0.5", "lateral_jrk=1"]}, "lateral_jerk"),
     ("configure_planner", {"weights": ["jerk=-1"]}, "from 0 to"),
-    ("configure_planner", {"planner": "idm", "weights": ["jerk=1"]}, "a weight of frenetix, not of idm"),
+    ("configure_planner", {"planner": "idm", "weights": ["jerk=1"]}, "a weight of frenetix, fiss"),
     ("configure_planner", {"settings": ["vehicle=9"]}, "vehicle from 1 to 4"),
     ("configure_planner", {"weights": ["horizon_s=4"]}, "pass it in settings"),
     ("configure_planner", {"preset": "fast"}, "Efficiency-Sporty"),
@@ -128,7 +128,7 @@ REFUSED: tuple[tuple[str, dict[str, Any], str], ...] = (
 )
 
 
-async def test_what_is_refused_names_what_is_valid_and_leaves_nothing(call: Call) -> None:
+async def test_a_refusal_names_the_valid_values_and_leaves_no_artifacts(call: Call) -> None:
     for tool, arguments, says in REFUSED:
         text = await call(tool, **arguments)
         assert isinstance(text, str), arguments
@@ -154,7 +154,7 @@ async def test_runs_are_stored_once_and_grids_become_batches(call: Call) -> None
     assert truth["runs"][0]["run_id"] != run_id
 
 
-async def test_a_job_goes_on_behind_the_call(call: Call) -> None:
+async def test_a_job_continues_after_the_call(call: Call) -> None:
     started = await call("run_planner", scenarios=["preset:10"], wait_s=0)
     assert started["state"] == "running"
     assert "only 2 scenarios" in started["notes"][0]
@@ -180,7 +180,7 @@ async def test_the_first_run_against_the_second_after_an_edit_is_a_pair(call: Ca
     assert runs == [first["runs"][0]["run_id"], second["runs"][0]["run_id"]]
 
 
-async def test_a_finished_grid_is_told_by_its_batch(call: Call) -> None:
+async def test_a_finished_grid_is_reported_by_its_batch(call: Call) -> None:
     grid = await call("run_planner", scenarios=["ZAM_Builder-1_1_T-1"], configs=["frenetix", "idm"], wait_s=50)
     job = await call("get_job")
     assert job["next_step"] == f"analyze_results or compare_results with results ['{grid['batch_id']}']"

@@ -43,7 +43,7 @@ def opened(connect: Connect, settings: Settings, tmp_path: Path) -> Opened:
     return session
 
 
-async def test_which_of_several_vehicles_is_asked_and_the_choice_is_told(opened: Opened) -> None:
+async def test_the_user_chooses_one_of_several_vehicles_and_the_choice_is_reported(opened: Opened) -> None:
     async with opened("32 (car)") as (client, asked):
         edited = await client.call_tool("modify_scenario", {"scenario_id": ONE, "edits": [SLOWER]})
         named = {**SLOWER, "vehicles": ["32"]}
@@ -58,7 +58,9 @@ async def test_which_of_several_vehicles_is_asked_and_the_choice_is_told(opened:
 
 
 @pytest.mark.parametrize("answer", [None, "decline", "nonsense"])
-async def test_which_of_several_vehicles_is_told_where_no_choice_is_made(opened: Opened, answer: str | None) -> None:
+async def test_an_ambiguous_vehicle_is_refused_with_all_matches_if_the_user_does_not_choose(
+    opened: Opened, answer: str | None
+) -> None:
     async with opened(answer) as (client, _):
         refused = await client.call_tool("modify_scenario", {"scenario_id": ONE, "edits": [SLOWER]})
     assert refused.is_error
@@ -68,7 +70,7 @@ async def test_which_of_several_vehicles_is_told_where_no_choice_is_made(opened:
 @pytest.mark.parametrize(
     ("answer", "questions", "made"), [(None, 0, 2), ("go on", 1, 2), ("decline", 1, 2), ("do not", 1, 0)]
 )
-async def test_very_many_runs_are_asked_about_and_made_unless_refused(
+async def test_very_many_runs_need_the_user_s_consent_unless_refused(
     opened: Opened, monkeypatch: pytest.MonkeyPatch, answer: str | None, questions: int, made: int
 ) -> None:
     monkeypatch.setattr(runs, "MANY_RUNS", 1)

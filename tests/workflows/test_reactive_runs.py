@@ -22,7 +22,9 @@ pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("warm_workers")]
 NEAR = Problem(goal=(75.0, 0.0, 8.0, 3.0), steps=(30, 45))
 
 
-async def test_a_reactive_run_is_asked_for_refused_told_stored_and_drawn(settings: Settings, tmp_path: Path) -> None:
+async def test_a_reactive_run_is_requested_refused_reported_stored_and_drawn(
+    settings: Settings, tmp_path: Path
+) -> None:
     builder = replace(town_road(), problems=(NEAR,)).with_vehicles(
         driving(32, (15.0, 0.0), 16.0, 60), driving(60, (90.0, -9.0), 1.0, 60, kind="pedestrian", size_m=(0.6, 0.6))
     )

@@ -61,7 +61,7 @@ async def test_a_configuration_that_exists_is_current_again_when_it_is_configure
     assert run["summary"][0]["config_id"] == first["config_id"]
 
 
-async def test_what_another_client_makes_moves_neither_current_nor_latest(sessions: tuple[Session, Session]) -> None:
+async def test_other_clients_results_move_neither_current_nor_latest(sessions: tuple[Session, Session]) -> None:
     client, other = sessions
     mine = await client.ask("configure_planner", weights=["jerk=0.5"])
     slower = [{"op": "set_speed", "vehicles": ["31"], "speed": "5m/s"}]
@@ -78,7 +78,7 @@ async def test_what_another_client_makes_moves_neither_current_nor_latest(sessio
     assert refined["catalogue"] == found["total"]
 
 
-async def test_a_client_without_anything_of_its_own_gets_the_newest_and_is_told_once(
+async def test_a_client_without_own_artifacts_gets_the_newest_with_one_remark(
     sessions: tuple[Session, Session],
 ) -> None:
     first, second = sessions
@@ -92,7 +92,7 @@ async def test_a_client_without_anything_of_its_own_gets_the_newest_and_is_told_
     )
 
 
-async def test_runs_and_batches_that_were_made_before_are_the_latest_when_asked_for_again(
+async def test_existing_runs_and_batches_become_the_latest_when_requested_again(
     sessions: tuple[Session, Session],
 ) -> None:
     client, _ = sessions
@@ -138,7 +138,7 @@ async def test_clients_of_one_server_by_http_have_a_latest_and_a_current_each(
         assert found[0]["total"] == found[1]["total"]
 
 
-def test_what_is_remembered_of_a_session_is_bounded() -> None:
+def test_the_memory_of_a_session_is_bounded() -> None:
     recent = Recent()
     for number in range(3_000):
         recent.note("run", f"run_{number}")
@@ -148,5 +148,5 @@ def test_what_is_remembered_of_a_session_is_bounded() -> None:
     assert len(last) == 1_000
 
 
-def test_where_workers_keep_what_they_read_is_the_workspace_s_own(tmp_path: Path) -> None:
+def test_workers_keep_their_cache_in_the_workspace(tmp_path: Path) -> None:
     assert Workspace(tmp_path).owns(tmp_path / "recordings" / "a.recording")

@@ -26,7 +26,7 @@ def cells_of(runs: list[RunRecord]) -> list[Cell]:
     return [Cell(run.scenario_id, None, configuration) for run in runs]
 
 
-def test_one_run_says_its_ending_its_closest_moment_and_where_to_look() -> None:
+def test_one_run_is_reported_with_its_ending_its_closest_moment_and_links() -> None:
     run = record(outcome="collision")
     hit = Contact(kind="rear_end_by_other", time_s=4.0, ego_speed_mps=2.0, obstacle_id=1, obstacle_class="car",
                   other_speed_mps=9.0, ego_side="rear", other_side="front")  # fmt: skip
@@ -48,7 +48,7 @@ def test_one_run_says_its_ending_its_closest_moment_and_where_to_look() -> None:
     assert "Closest: 2.00 m to bus 3 oncoming on the left at 1.0 s (ego 8.0, other 7.0 m/s)" in said
 
 
-def test_a_grid_says_rates_and_then_failures_only() -> None:
+def test_a_grid_is_reported_with_rates_and_then_failures_only() -> None:
     outcomes: list[Outcome] = ["goal_reached", "collision", "timeout", "off_road", "collision", "invalid"]
     runs = [record(f"ZAM_T-{n}_1_T-1", outcome) for n, outcome in enumerate(outcomes)]
     said = answer(cells_of(runs), [CellResult(run) for run in runs], batch_id="batch_1")

@@ -77,7 +77,7 @@ async def test_edits_of_a_problem_are_about_its_ego_and_go_on_with_it(
         assert f"{ID}#100" in await refusal(client, "modify_scenario", scenario_id=other, edits=[removal])
 
 
-async def test_naming_the_first_problem_is_naming_none(
+async def test_naming_the_first_problem_equals_naming_no_problem(
     connect: Connect, settings_with_scenario: Settings, tmp_path: Path
 ) -> None:
     async with connect(settings_with_scenario) as client:

@@ -69,7 +69,7 @@ async def test_a_stage_of_a_refined_search_stays_within_it(call: WorkflowContext
     assert {one.scenario_id for one in chosen(call, f"{refined.search_id}:location")} == {BONN}
 
 
-async def test_what_was_added_after_the_search_is_not_in_its_stage(call: WorkflowContext) -> None:
+async def test_scenarios_added_after_the_search_are_not_in_its_stages(call: WorkflowContext) -> None:
     before = await search(call, country="DEU", obstacles=["bus"])
     store(call, [facts("DEU_Aachen-1_1_T-1")])
     after = await search(call, country="DEU", obstacles=["bus"])

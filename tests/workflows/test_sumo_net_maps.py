@@ -44,7 +44,7 @@ async def test_a_scenario_is_made_on_an_imported_network(connect: Connect, net: 
     assert cut.offset_m == whole.offset_m
 
 
-async def test_networks_beside_scenarios_become_maps_only_where_maps_are_asked_for(connect: Connect, net: Path) -> None:
+async def test_networks_next_to_scenarios_become_maps_only_if_maps_are_requested(connect: Connect, net: Path) -> None:
     (net.parent / "plain.osm").write_bytes((LIBRARY / "fahrhausen.osm").read_bytes())
     async with connect() as client:
         every = (await client.call_tool("import_files", {"path": str(net.parent)})).structured_content

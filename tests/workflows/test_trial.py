@@ -12,7 +12,7 @@ LATE = ["ZAM_Landmoor-32_1_T-1", "ZAM_Fahrhausen-4_1_T-1"]
 IN_TIME = ["ZAM_Musterstadt-3_1_T-1"]
 
 
-async def test_a_trial_runs_the_change_and_tells_what_it_bought_and_cost(connect: Connect, settings: Settings) -> None:
+async def test_a_trial_runs_the_change_and_reports_its_gain_and_cost(connect: Connect, settings: Settings) -> None:
     async with connect() as client:
 
         async def ask(tool: str, **arguments: object) -> dict[str, object]:
@@ -45,7 +45,7 @@ async def test_a_trial_runs_the_change_and_tells_what_it_bought_and_cost(connect
         assert current["config_id"] == careless["config_id"]
 
 
-async def test_a_server_that_makes_nothing_tries_nothing(connect: Connect, settings: Settings) -> None:
+async def test_a_server_that_creates_no_artifacts_runs_no_trial(connect: Connect, settings: Settings) -> None:
     async with connect(settings.model_copy(update={"read_only": True})) as client:
         (tool,) = (one for one in (await client.list_tools()).tools if one.name == "analyze_results")
         assert "trial" not in tool.input_schema["properties"]
@@ -60,6 +60,6 @@ async def test_a_server_that_makes_nothing_tries_nothing(connect: Connect, setti
     ("gained", "lost", "p", "said"),
     [(6, 0, 0.03, "helps: 6 of 9"), (2, 0, 0.5, "shows no clear gain"), (1, 4, 1.0, "harms"), (5, 4, 0.5, "no clear")],
 )
-def test_only_clear_gains_are_told_as_help(gained: int, lost: int, p: float, said: str, era: str) -> None:
+def test_only_clear_gains_are_reported_as_help(gained: int, lost: int, p: float, said: str, era: str) -> None:
     change = TriedChange(config_id="cfg_a", change="prediction=1", failing=9, gained=gained, passing=9, lost=lost, p=p)
     assert said in change.in_words()

@@ -65,7 +65,7 @@ _OTHERS_LOOKED_AT, _OTHERS_PROPOSED = 20, 3
 
 
 def _other_sides(chosen: Sequence[ChosenResult], runs: Sequence[RunSource], context: WorkflowContext) -> list[Remedy]:
-    """Return comparable results: newest ones of other configurations on the same scenarios, or a new run."""
+    """Return comparable results: the newest results of other configurations on the same scenarios, or a new run."""
     given = [result.result_id for result in chosen]
     configs, scenarios = ({getattr(run.record, key) for run in runs} for key in ("config_id", "scenario_id"))
     fitting = list[str]()
@@ -107,7 +107,7 @@ def _sides_of(
     if len(sides) < 2:
         labels = ", ".join(side.label for side in sides)
         raise InvalidRequest(
-            f"there is only one side: {labels}",
+            f"there is only one side to compare: {labels}",
             valid=["two runs or batches", "one batch with several configurations"],
             next_step="run another configuration on the same scenarios with run_planner",
         )
@@ -133,7 +133,7 @@ def _sides_of(
 
 
 def _star(count: int) -> _Couples:
-    """Return the pairs of every side with the first."""
+    """Return the pairs that match the first side with each other side."""
     return tuple((0, place) for place in range(1, count))
 
 

@@ -1,4 +1,4 @@
-"""Analyse a set of runs: rates, metrics, costs and findings, and trials of suggestions."""
+"""Analyses a set of runs (rates, metrics, costs and findings) and, on request, tries the suggested changes."""
 
 from ...schemas.results import AnalyseRequest, AnalyzeResultsArguments, AnalyzeResultsResult
 from ..context import WorkflowContext

@@ -1,4 +1,4 @@
-"""Looks at runs, computed once by workers and stored in the workspace for every later analysis."""
+"""Reviews of runs (``RunLook``), computed once by workers and stored in the workspace for every later analysis."""
 
 import logging
 from collections import deque
@@ -21,9 +21,9 @@ logger = logging.getLogger(__name__)
 
 
 async def looked_at(runs: Sequence[RunSource], context: WorkflowContext) -> tuple[RunSource, ...]:
-    """Return the runs with their looks, as many as are stored or can be computed in twenty seconds.
+    """Return the runs with their reviews, as many as are stored or can be computed in twenty seconds.
 
-    Runs without a look are examined in random order, so that the examined ones are a random sample. The next call
+    Runs without a review are examined in random order, so that the examined ones are a random sample. The next call
     continues where this one stopped.
     """
     by_id = {run.record.run_id: run for run in runs}

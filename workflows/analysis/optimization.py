@@ -12,7 +12,7 @@ from statistics import fmean
 from typing import Literal
 
 from ...engine.execution import JobProgress
-from ...engine.planners import check_modes
+from ...engine.planners import check_modes, check_world
 from ...engine.tuning import (
     Constraint,
     Dimension,
@@ -43,11 +43,12 @@ from ...schemas.analysis.optimization import (
     StudyRecord,
     TrialLine,
 )
-from ...schemas.errors import Faults, InvalidRequest, NotPossible
+from ...schemas.errors import Faults, InvalidRequest, NotPossible, with_values
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import RunRecord
 from ...schemas.text import counted, shown_name
-from ..configurations import resolve_configuration, store_configuration
+from ...schemas.worlds import PERFECT, World, world_of
+from ..configurations import BY_SEARCH, resolve_configuration, store_configuration
 from ..context import WorkflowContext
 from ..operations import JUDGE_GAIN, PROPOSE, SENSITIVITY_DESIGN, SENSITIVITY_EFFECTS
 from ..results import lineages
@@ -63,7 +64,7 @@ _BROKEN = 1.0
 """Subtracted from the sampler's score of a candidate that breaks a constraint (chosen: as much as full success)."""
 _LOOK = 2
 """The number of configurations run on the held-out half: the base and the result."""
-_TAKEN_BACK = 1 / 3
+_REVERTING_SHARE = 1 / 3
 """The share of the remaining budget reserved for reverting changes (chosen), if there are that many weights."""
 _MOST_FRONT = 8
 """The maximum number of front members to store (chosen)."""
@@ -100,6 +101,7 @@ class _Plan:
     places: tuple[tuple[str, ...], tuple[str, ...]]
     roots: Mapping[str, str]
     notes: tuple[str, ...]
+    world: World = PERFECT
 
     def values(self, runs: Sequence[RunRecord]) -> tuple[float, ...]:
         """Return the mean objectives over runs: their sum, or each objective separately for a front."""
@@ -128,7 +130,7 @@ class _Plan:
     def cell(self, scenario: ChosenScenario, configuration: PlannerConfiguration) -> Cell:
         """Return the run of a scenario under a configuration."""
         modes = (self.arguments.prediction, self.arguments.traffic)
-        return Cell(scenario.scenario_id, scenario.problem_id, configuration, *modes)
+        return Cell(scenario.scenario_id, scenario.problem_id, configuration, *modes, world=self.world)
 
 
 @dataclass
@@ -155,7 +157,7 @@ class _Search:
         most = self.plan.arguments.max_trials
         if most < _LOOK + 2:
             return most
-        return most - _LOOK - min(len(self.plan.space), int(_TAKEN_BACK * (most - _LOOK)))
+        return most - _LOOK - min(len(self.plan.space), int(_REVERTING_SHARE * (most - _LOOK)))
 
     async def run(self) -> StudyRecord:
         """Run the whole search and return its record."""
@@ -168,7 +170,7 @@ class _Search:
         if presets:
             await self.tried(presets, prune=not self.plan.arguments.pareto)
         enqueued, rounds = [self._evaluated(trial) for trial in self.trials], list[tuple[EvaluatedTrial, ...]]()
-        while (count := min(_ROUND, self._wanted())) > 0:
+        while (count := min(_ROUND, self._count_to_try())) > 0:
             points = await self._proposed(enqueued, rounds, count)
             made = await self.tried(
                 [(self.plan.at(point), point) for point in points], prune=not self.plan.arguments.pareto
@@ -176,7 +178,7 @@ class _Search:
             rounds.append(tuple(self._evaluated(trial) for trial in made))
         return await self._ended()
 
-    def _wanted(self) -> int:
+    def _count_to_try(self) -> int:
         """Return how many more candidates to try, including the reserve for reverting while no candidate is better."""
         wanted = self.candidates - len(self.trials)
         return max(wanted, self.left - _LOOK) if self.best().number == 0 else wanted
@@ -231,7 +233,7 @@ class _Search:
     async def tried(
         self, candidates: Sequence[tuple[PlannerConfiguration, tuple[float, ...]]], *, prune: bool
     ) -> list[_Trial]:
-        """Run candidates on the training scenarios in parts, and abandon those that fall behind."""
+        """Run candidates on the training scenarios in parts, abandon those that fall behind, and return all trials."""
         training, best = self.plan.training, self.best() if self.trials else None
         runs: list[list[RunRecord | None]] = [[] for _ in candidates]
         alive, done = list(range(len(candidates))), 0
@@ -256,7 +258,7 @@ class _Search:
         return made
 
     def _is_behind(self, runs: Sequence[RunRecord | None], best: Sequence[RunRecord | None]) -> bool:
-        """Return whether a candidate is worse than the best one by more than a standard error on the same scenarios."""
+        """Return whether a candidate is worse than the best one by over one standard error on the same scenarios."""
         paired = [
             self.plan.score(one) - self.plan.score(other)
             for one, other in zip(runs, best, strict=False)
@@ -269,13 +271,20 @@ class _Search:
         return mean < 0 and mean + error <= 0
 
     async def _run(self, cells: Sequence[Cell]) -> list[RunRecord | None]:
-        """Return the runs of some cells in order; lost runs are None."""
+        """Return the runs of the cells in order; lost runs are None."""
         if not cells:
             return []
         for configuration in {cell.configuration.config_id: cell.configuration for cell in cells}.values():
-            store_configuration(self.context, configuration)
+            self._store(configuration)
         results = await run_grid(self.context, cells, lambda _: None)
         return [result.record for result in results]
+
+    def _store(self, configuration: PlannerConfiguration) -> None:
+        """Store a configuration; the recipe of a candidate names the search, and its base as the parent."""
+        base_id = self.plan.base.config_id
+        arguments = {"base": base_id, "id": configuration.config_id}
+        searched = Recipe(tool=BY_SEARCH, arguments=arguments, parents=(base_id,))
+        store_configuration(self.context, configuration, None if configuration.config_id == base_id else searched)
 
     def is_within(self, trial: _Trial) -> bool:
         """Return whether a trial keeps the constraints, relative to the base on the same scenarios."""
@@ -311,7 +320,7 @@ class _Search:
         self.progress.report(0.9 * self.driven / most, f"{self.driven} of at most {most} configurations run, {found}")
 
     async def _ended(self) -> StudyRecord:
-        """Revert useless changes, then evaluate once on the held-out scenarios."""
+        """Revert useless changes, evaluate once on the held-out scenarios, and return the record of the study."""
         lines = tuple(self.line(trial) for trial in self.trials)
         best, front = self.best(), self._front()
         changes: tuple[ChangeShare, ...] = ()
@@ -373,7 +382,7 @@ class _Search:
             else:
                 shares.append(ChangeShare(change=change, gain=round(gain, 6)))
         untried = len(changes) - len(tried)
-        note = f"{untried} of {len(changes)} changes of the found configuration were not reverted because of max_trials"
+        note = f"max_trials left no run to test {untried} of {counted(len(changes), 'found change')} alone"
         return best, tuple(shares), (note,) if untried else ()
 
     def _gain(self, trial: _Trial, other: _Trial) -> float:
@@ -381,7 +390,7 @@ class _Search:
         return sum(self.plan.values(trial.valid)) - sum(self.plan.values(other.valid))
 
     def _without(self, configuration: PlannerConfiguration, names: Sequence[str]) -> PlannerConfiguration:
-        """Return a configuration with the base's values of some weights and settings."""
+        """Return a configuration with the named weights and settings reset to the base's values."""
         weights = configuration.weights | configuration.external_weights
         changes = differences(self.plan.base, configuration)
         assignments = [f"{one.name}={one.before!r}" for one in changes if one.name in names]
@@ -407,7 +416,7 @@ class _Search:
             for one in self.plan.held_out
         ]
         for configuration in (self.plan.base, found):
-            store_configuration(self.context, configuration)
+            self._store(configuration)
         self.driven += _LOOK
         results = await run_grid(self.context, cells, lambda _: None)
         batch = store_batch(self.context, cells, results)
@@ -470,6 +479,7 @@ def _study_record(
         constraints=tuple(plan.arguments.constraints),
         prediction=plan.arguments.prediction,
         traffic=plan.arguments.traffic,
+        world=plan.world,
         base_id=plan.base.config_id,
         base_name=shown_name(plan.base.name),
         best_id=best.config_id,
@@ -501,7 +511,7 @@ async def optimize_planner(arguments: OptimizePlannerArguments, context: Workflo
         study = await (_effects(search) if arguments.method in _SENSITIVITY else search.run())
         context.workspace.put("study", study.study_id, recipe=recipe, record=study, name=_study_name(study))
         progress.add_result(study.study_id)
-        progress.report(1.0, f"{len(study.trials)} candidates; repeat optimize_planner to get the study")
+        progress.report(1.0, f"{counted(len(study.trials), 'candidate')}; repeat optimize_planner to get the study")
 
     job = context.start_job("study", recipe, work)
     context.made("job", job.job_id)
@@ -528,15 +538,16 @@ def _finished(study: StudyRecord, context: WorkflowContext) -> OptimizePlannerRe
     context.made("study", study.study_id)
     if better:
         context.made("config", study.best_id)
+    or_more_trials = " or a larger max_trials" if study.driven >= study.max_trials else ""
     following = (
         f"export_artifacts of {study.best_id} as yaml"
         if better
-        else "use more scenarios or a larger max_trials, or vary settings too"
+        else f"use more scenarios{or_more_trials}, or vary settings too"
     )
     if study.headline_code == "effects_shown":
         following = "optimize_planner with vary limited to the weights that matter"
     elif study.effects:
-        following = "use more scenarios or a larger max_trials: the effects are too uncertain"
+        following = f"use more scenarios{or_more_trials}: the effects are too uncertain"
     return OptimizePlannerResult(state="done", study=study, headline_code=study.headline_code, next_step=following)
 
 
@@ -587,8 +598,11 @@ def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Pla
     """
     faults = Faults()
     objectives, constraints = list[Objective](), list[Constraint]()
+    world = PERFECT
     with faults.collecting():
-        check_modes(arguments.traffic, arguments.prediction)
+        world = world_of(arguments.world)
+    with faults.collecting():
+        check_modes(arguments.traffic, arguments.prediction, world)
     for text in arguments.objective:
         with faults.collecting():
             objectives.append(parse_objective(text))
@@ -598,11 +612,16 @@ def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Pla
     with faults.collecting():
         base = resolve_configuration(arguments.base, context)
         space = dimensions(base.planner, arguments.vary)
+        check_world(base.planner, world)
     with faults.collecting():
         choice = choose_scenarios(arguments.scenarios, context)
     with faults.collecting():
         if arguments.pareto and (arguments.method not in ("tpe", "random") or len(arguments.objective) < 2):
-            raise InvalidRequest("a front needs two objectives and the method tpe or random", valid=["pareto=false"])
+            raise InvalidRequest(
+                "pareto needs at least two objectives and the method tpe or random",
+                valid=["method=tpe", "method=random", "pareto=false"],
+                remedies=[with_values(method="tpe") if len(arguments.objective) > 1 else with_values(pareto=None)],
+            )
     faults.raise_all()
     if arguments.method == "morris" or arguments.method == "sobol":
         _check_design(arguments.method, len(space), arguments.max_trials)
@@ -625,6 +644,7 @@ def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Pla
         places=places,
         roots=roots,
         notes=(*choice.notes, *notes),
+        world=world,
     )
 
 
@@ -632,7 +652,8 @@ def _check_design(method: Literal["morris", "sobol"], weights: int, most: int) -
     """Refuse a sensitivity analysis if its smallest design needs more runs than allowed.
 
     Raises:
-        InvalidRequest: with the number of runs needed, and the number of weights that fit.
+        InvalidRequest: the design is too large; the error gives the number of runs needed and the number of weights
+            that fit.
     """
     needed = 1 + fewest_configurations(method, weights)
     if needed > most:
@@ -669,7 +690,7 @@ def _divided(scenarios: Sequence[ChosenScenario], roots: Mapping[str, str], seed
         notes = ("all scenarios are in one place, so its maps were split; they may be alike",)
     if len(groups) < 2:
         raise NotPossible(
-            f"all {len(scenarios)} scenarios are on one map, so no scenario can be held out",
+            f"all scenarios ({len(scenarios)}) are on one map, so none can be held out",
             next_step="use scenarios of several places, for instance preset:100",
         )
     choice = random.Random(seed)  # noqa: S311 - not a secret
@@ -699,8 +720,9 @@ def _grouped(
 
 
 def _recipe(plan: _Plan) -> Recipe:
-    """Return the recipe of a study, which does not include how long a call waits."""
-    arguments = plan.arguments.model_dump(mode="json", exclude={"wait_s", "scenarios", "base", "seed"})
+    """Return the recipe of a study; it leaves out how long a call waits."""
+    arguments = plan.arguments.model_dump(mode="json", exclude={"wait_s", "scenarios", "base", "seed", "world"})
+    arguments |= {} if plan.world.is_perfect else {"world": plan.world.stated}
     scenarios = [[one.scenario_id, one.problem_id] for one in (*plan.training, *plan.held_out)]
     packages = ("optuna", "cmaes", "SALib", "frenetix", "commonroad-io", "commonroad-drivability-checker")
     return Recipe(

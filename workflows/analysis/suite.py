@@ -39,12 +39,12 @@ from ..scenarios import choose_scenarios
 
 _AT_ONCE = 20
 """How many runs one operation reviews (chosen): each reads its scenario, and an operation has 50 s."""
-Tell = Callable[[int, int, str], None]
+ReportProgress = Callable[[int, int, str], None]
 """Receives the number of finished runs, the total, and the current activity."""
 
 
 def limits_of(suite: Suite) -> list[Limit]:
-    """Return the limits, including a default one on lost runs, because a gate cannot judge those.
+    """Return the limits, including a default limit on lost runs, because a gate cannot judge lost runs.
 
     Raises:
         InvalidRequest, UnknownName: there are invalid limits; all are reported together.
@@ -58,32 +58,32 @@ def limits_of(suite: Suite) -> list[Limit]:
     return limits if limits_lost else [*limits, parse_limit("lost == 0")]
 
 
-async def carry_out(suite: Suite, folder: Path, context: WorkflowContext, tell: Tell) -> SuiteReport:
+async def carry_out(suite: Suite, folder: Path, context: WorkflowContext, report: ReportProgress) -> SuiteReport:
     """Run a suite and judge its limits.
 
     Args:
         suite: the runs and limits.
         folder: the base of its relative paths.
         context: the resources, with a workspace and workers.
-        tell: receives the progress.
+        report: receives the progress.
 
     Raises:
         PlannerForgeError: a scenario, configuration or baseline is missing; nothing has run by then.
     """
     limits = limits_of(suite)
-    tell(0, 0, "looking up scenarios and configurations")
+    report(0, 0, "looking up scenarios and configurations")
     configurations = await _configurations(suite, context)
     _check_names(limits, configurations)
     baselines = {limit.baseline: _baseline(limit.baseline, folder, context) for limit in limits if limit.baseline}
     words, notes = await _scenarios(suite, folder, context)
     choice = choose_scenarios(words, context)
     cells = [
-        Cell(one.scenario_id, one.problem_id, configuration, suite.prediction, suite.traffic, suite.seed)
+        Cell(one.scenario_id, one.problem_id, configuration, suite.prediction, suite.traffic, suite.seed, suite.world)
         for configuration in configurations.values()
         for one in choice.scenarios
     ]
-    results = await _run(context, cells, tell)
-    tell(len(cells), len(cells), "judging")
+    results = await _run(context, cells, report)
+    report(len(cells), len(cells), "judging")
     groups = {
         name: results[i * len(choice.scenarios) :][: len(choice.scenarios)] for i, name in enumerate(configurations)
     }
@@ -122,16 +122,16 @@ def _named(groups: Mapping[str, Sequence[CellResult]]) -> Iterable[tuple[str, Ce
     return ((name, result) for name, group in groups.items() for result in group)
 
 
-async def _run(context: WorkflowContext, cells: Sequence[Cell], tell: Tell) -> list[CellResult]:
+async def _run(context: WorkflowContext, cells: Sequence[Cell], report: ReportProgress) -> list[CellResult]:
     done = 0
 
     def on_done(result: CellResult) -> None:
         nonlocal done
         done += 1
         ended = "lost" if result.record is None else result.record.outcome.replace("_", " ")
-        tell(done, len(cells), f"{result.record.scenario_id if result.record else 'a run'}: {ended}")
+        report(done, len(cells), f"{result.record.scenario_id if result.record else 'a run'}: {ended}")
 
-    tell(0, len(cells), f"running {counted(len(cells), 'run')}")
+    report(0, len(cells), f"running {counted(len(cells), 'run')}")
     return await run_grid(context, cells, on_done)
 
 
@@ -209,7 +209,7 @@ async def _imported(path: Path, context: WorkflowContext) -> tuple[list[str], li
                 raise
             refused.append(f"{shown_name(file.name)} was refused: {refusal.message}")
     if not ids:
-        raise NotPossible(f"all {len(files)} files at {path} were refused: {refused[0]}")
+        raise NotPossible(f"all files at {path} ({len(files)}) were refused: {refused[0]}")
     return ids, refused
 
 
@@ -230,7 +230,7 @@ def _baseline(word: str, folder: Path, context: WorkflowContext) -> _Baseline:
     """Return the runs of a baseline: a file that ``--save-baseline`` wrote, or a stored batch.
 
     Raises:
-        UnknownName: there is neither.
+        UnknownName: there is no such file or batch.
         InvalidRequest: the file is not a baseline.
     """
     if word.startswith("batch_"):

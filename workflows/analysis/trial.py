@@ -1,6 +1,6 @@
-"""Try the suggestions of an analysis: run each change on failed and on some passed runs.
+"""Try the suggestions of an analysis: run each change on failed runs and on a sample of passed runs.
 
-Each suggestion is tried with two sizes of the change, and the better one is reported with its gains and losses. The
+Each suggestion is tried with two sizes of the change, and the better size is reported with its gains and losses. The
 runs are those of ``run_planner``. Stored runs are found again, so a repeated call resumes.
 """
 
@@ -17,6 +17,7 @@ from ...schemas.errors import InvalidRequest, PlannerFailure, UnknownName
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.results import AnalyzeResultsResult, Finding, Suggestion, TriedChange
 from ...schemas.runs import RunRecord, RunSource
+from ...schemas.text import counted
 from ..configurations import resolve_configuration, store_configuration
 from ..context import WorkflowContext
 from ..runs import Cell, CellResult, own_versions, run_grid
@@ -44,9 +45,9 @@ class _Change:
     passing: tuple[RunRecord, ...]
 
     def cells(self) -> list[Cell]:
-        """Return the runs to make."""
+        """Return the cells to run."""
         return [
-            Cell(run.scenario_id, run.problem_id, self.configuration, run.prediction, run.traffic, run.seed)
+            Cell(run.scenario_id, run.problem_id, self.configuration, run.prediction, run.traffic, run.seed, run.world)
             for run in (*self.failing, *self.passing)
         ]
 
@@ -76,7 +77,8 @@ async def with_trials(
         context.made("job", job.job_id)
         job = await context.wait_for(job.job_id, _WAIT_S)
         if job.state == "running":
-            return _noted(result, f"the trial of {len(suggestions)} suggestions is running: {job.message}", job.job_id)
+            count = counted(len(suggestions), "suggestion")
+            return _noted(result, f"the trial of {count} is running: {job.message}", job.job_id)
         if job.error:
             return _noted(result, f"the trial ended early: {job.error}", job.job_id)
     outcomes = {id(change): _outcome(change, context) for change in changes}
@@ -99,7 +101,7 @@ async def with_trials(
 
 
 def _has_other_version(record: RunRecord) -> bool:
-    """Return whether a run's planner version differs from the installed one; an unknown version counts as equal."""
+    """Return whether a run's planner version differs from the installed version; an unknown version counts as equal."""
     try:
         return record.planner_source not in ("", source_that_drives(record.planner))
     except (UnknownName, PlannerFailure):  # no longer installed: resolving its configuration reports this
@@ -177,7 +179,7 @@ def _recipe(changes: Sequence[_Change]) -> Recipe:
 
 
 def _work(cells: Sequence[Cell], total: int, context: WorkflowContext) -> JobWork:
-    """Return the job that makes the missing runs."""
+    """Return the work of the job that makes the missing runs."""
 
     async def work(progress: JobProgress) -> None:
         done = total - len(cells)
@@ -195,7 +197,7 @@ def _work(cells: Sequence[Cell], total: int, context: WorkflowContext) -> JobWor
 
 
 def _outcome(change: _Change, context: WorkflowContext) -> TriedChange:
-    """Return the outcome of the runs with the change; lost runs enter no figure."""
+    """Return the outcome of the runs with the change; lost runs are not counted."""
     after = {}
     for cell, run in zip(change.cells(), (*change.failing, *change.passing), strict=True):
         stored = context.workspace.find_by_recipe("run", cell.recipe())

@@ -24,12 +24,12 @@ from ...schemas.generation import (
     THROUGH,
     TURNS_AT,
     USUAL_GOAL,
-    AskedGoal,
     Combination,
     Density,
     GenerateScenariosArguments,
     GenerationSpec,
     PlanFactor,
+    RequestedGoal,
     SiteType,
     Turn,
 )
@@ -56,8 +56,8 @@ def read_cover(texts: Sequence[str]) -> tuple[tuple[PlanFactor, ...], int]:
     """Return the factors of a plan, and the number of factors in a combination.
 
     Raises:
-        InvalidRequest: an unreadable line, an unknown level, or more than a plan allows.
-        UnknownName: an unknown factor.
+        InvalidRequest: a line is unreadable, a level is unknown, or there is more than a plan allows.
+        UnknownName: there is no such factor.
     """
     factors: list[PlanFactor] = []
     strength: int | None = None
@@ -156,7 +156,7 @@ class RequestedPlan:
             entries: the local maps.
 
         Raises:
-            InvalidRequest: contradictory arguments, or an invalid level.
+            InvalidRequest: arguments contradict each other, or a level is invalid.
             UnknownName: no map contains a place.
             ServiceFailure: a map needs a download, which is not possible.
         """
@@ -170,7 +170,7 @@ class RequestedPlan:
             raise InvalidRequest(
                 "a goal on a lanelet refers to one site, but a plan has many", valid=[THROUGH, "steps:50"]
             )
-        if "turn" in names and spec.goal not in (AskedGoal.of(THROUGH), AskedGoal.of(USUAL_GOAL)):
+        if "turn" in names and spec.goal not in (RequestedGoal.of(THROUGH), RequestedGoal.of(USUAL_GOAL)):
             raise InvalidRequest(f"cover varies the turn, but goal {quoted(spec.goal)} has no turn", valid=[THROUGH])
         bbox = None if spec.bbox is None else list(spec.bbox)
         left = {"place": spec.place, "country": spec.country, "bbox": bbox}
@@ -188,8 +188,8 @@ class RequestedPlan:
         """Refuse invalid levels before anything is generated.
 
         Raises:
-            InvalidRequest: an invalid level.
-            UnknownName: no such vehicle class, or no map contains the place.
+            InvalidRequest: a level is invalid.
+            UnknownName: there is no such vehicle class, or no map contains the place.
         """
         request = request_for(self.row_spec(levels), AssignedSite(self.matches(levels)[0]), 0)
         known = (*vehicle_classes(), PEDESTRIAN.name)
@@ -199,18 +199,18 @@ class RequestedPlan:
                 raise UnknownName(f"there is no vehicle class {quoted(name)}", valid=closest(name, known))
 
     def row_spec(self, levels: Mapping[int, int]) -> GenerationSpec:
-        """Return the parsed request for a scenario with some levels.
+        """Return the parsed request for a scenario with the given levels.
 
         Raises:
-            InvalidRequest: an invalid level.
+            InvalidRequest: a level is invalid.
         """
         return read_specification(self._row_arguments(levels))
 
     def _row_arguments(self, levels: Mapping[int, int]) -> GenerateScenariosArguments:
-        """Return the arguments of a scenario with some levels.
+        """Return the arguments of a scenario with the given levels.
 
         Raises:
-            InvalidRequest: an invalid level.
+            InvalidRequest: a level is invalid.
         """
         changed: dict[str, Any] = {"cover": [], "count": 1}
         vehicles = list(self.arguments.vehicles)
@@ -234,7 +234,7 @@ class RequestedPlan:
             ) from error
 
     def matches(self, levels: Mapping[int, int]) -> tuple[MapMatch, ...]:
-        """Return the maps for some levels, or those of all places and countries if the levels name neither."""
+        """Return the maps for the given levels, or those of all places and countries if the levels contain neither."""
         names = ("place", "country")
         where = {(factor, level) for factor, level in levels.items() if self.factors[factor].name in names}
         fitting = (matches for key, matches in self.shown.items() if where <= set(key))
@@ -276,7 +276,7 @@ class RequestedPlan:
             yield dict(zip(saying, levels, strict=True))
 
     def words(self, levels: Mapping[int, int]) -> str:
-        """Return levels as written in a call, joined by a plus."""
+        """Return the levels in the notation of a call, joined with plus signs."""
         return " + ".join(self.factors[factor].text(level) for factor, level in levels.items())
 
     def _all_matches(self) -> Iterator[MapMatch]:
@@ -341,7 +341,7 @@ class ExistingLevels:
         self._everywhere = {spot for group in plan.of_spot() for spot in self._spots(group)}
 
     def of(self, shape: Mapping[str, Any]) -> Levels | None:
-        """Return a level per factor (None if not in the plan), or None if the request belongs to another plan."""
+        """Return the request's level per factor (None if not in the plan), or None if it belongs to another plan."""
         determined = {field for name in self._names for field in _OWN[name]} | set(_WHERE)
         fields = (set(self._common) | set(shape)) - determined
         if any(self._common.get(field) != shape.get(field) for field in fields):

@@ -46,7 +46,7 @@ show which maps to skip."""
 _ROUNDS_BEYOND = 2
 """Rounds of traffic for a row beyond full coverage (chosen; a faultless one ends them). Three more rounds, and other
 sites for them, cost more than another row."""
-_TAKEN = 64
+_ROWS_READ = 64
 """How many rows are read from the database together (chosen)."""
 _MOST_PASSED = 2
 """How many sites per map of a group one row may skip, on average and at most (chosen)."""
@@ -98,7 +98,7 @@ class Spot:
             yield match, site, seed + lap, "passed"
 
     def match(self, map_id: str) -> MapMatch:
-        """Return how one of its maps matches the request."""
+        """Return the match of one of its maps, by map id."""
         return next(match for match, _ in self.maps if match.entry.facts.map_id == map_id)
 
 
@@ -112,7 +112,7 @@ async def cover_combinations(
     """Continue a coverage plan up to the requested number, and answer with its progress after at most 45 s.
 
     Raises:
-        InvalidRequest: an invalid plan.
+        InvalidRequest: the plan is invalid.
         UnknownName: no map contains the place.
     """
     plan = await RequestedPlan.of(arguments, spec, context, entries)
@@ -199,7 +199,7 @@ class _PlanWork:
         return record
 
     async def _sites(self, group: Mapping[int, int]) -> tuple[tuple[str, int], ...]:
-        """Return the maps with sites for some levels, and their number, from the index or counted on the map."""
+        """Return the maps with sites for the given levels, each with its number of sites, indexed or counted."""
         spec = self._plan.row_spec(group)
         kind, found = spec.scenario_type, []
         for match in self._plan.matches(group):
@@ -256,7 +256,7 @@ class _PlanWork:
             if self._has_enough(len(begun)):
                 return None
             if not taken:
-                taken.extend(row for row in self._rows.waiting(_TAKEN + len(begun)) if row.number not in begun)
+                taken.extend(row for row in self._rows.waiting(_ROWS_READ + len(begun)) if row.number not in begun)
             return taken.popleft() if taken else None
 
         async def work() -> None:
@@ -272,7 +272,7 @@ class _PlanWork:
                 tasks.start_soon(work)
 
     async def _make(self, row: PlanRow, match: MapMatch) -> tuple[RowState, bool]:
-        """Generate a row's scenario and record the result; return it, and whether it existed already."""
+        """Generate a row's scenario, and record and return the result, with whether the scenario existed already."""
         spec = self._plan.row_spec(dict(enumerate(row.levels))).model_copy(update={"seed": row.seed})
         request = request_for(spec, AssignedSite(match, row.site_index), 0)
         if row.lap:  # everything is covered: a row that fails, or that could be better, costs more than another row
@@ -376,7 +376,7 @@ async def _summary(plan: RequestedPlan, context: WorkflowContext, record: PlanRe
 
 
 def _reasons(report: CoverageReport, record: PlanRecord, rows: PlanRows) -> list[str]:
-    """Return why each combination is impossible: a refusal of a row with it, or an impossible part."""
+    """Return the reason why each combination is impossible: a refusal of a row with it, or an impossible part."""
     reasons: dict[Combination, str] = {}
     tries: Counter[Combination] = Counter()
     for levels, times, reason in rows.refused():

@@ -1,4 +1,4 @@
-"""Convert tables of counted traffic (``counts=FILE.csv``, ``od=FILE.csv``) to flows as written in a call."""
+"""Convert tables of counted traffic (``counts=FILE.csv``, ``od=FILE.csv``) to flows in the notation of a call."""
 
 import csv
 import re
@@ -54,7 +54,7 @@ def _with_table_read(text: str, context: WorkflowContext) -> str:
 
 
 def _rows(lines: list[str], key: str, name: str) -> Iterator[str]:
-    """Yield the flows of a table as written in a call."""
+    """Yield the flows of a table in the notation of a call, such as ``A 8:1200`` or ``A 8>Main Street:300``."""
     separator = max(",;\t", key=(lines[0] if lines else "").count)
     reader = csv.reader(lines, delimiter=separator)
     header = [word.strip().lower().replace(" ", "_") for word in next(reader, [])]

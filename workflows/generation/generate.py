@@ -34,7 +34,7 @@ async def generate_scenarios(
     A note reports each scenario that could not be generated.
 
     Raises:
-        InvalidRequest: no scenario could be generated, with the reason for the first one.
+        InvalidRequest: no scenario could be generated; the error gives the reason for the first scenario.
     """
     open_catalogue(
         context.workspace, with_starter=context.services.with_starter
@@ -66,7 +66,7 @@ async def generate_scenarios(
     context.made("scenario", *(summary.scenario_id for summary in made))
     notes = [*spec.notes, *plan.notes, *messages, *failures]
     if len(sites.planned) < spec.count:
-        found = counted(len(sites.planned), "different site")
+        found = counted(len(sites.planned), "distinct site")
         notes.append(f"{counted(spec.count, 'scenario')} requested, but only {found} found")
     if notice := context.services.workers.notice:
         notes.append(notice)
@@ -78,7 +78,7 @@ async def generate_scenarios(
 async def _make_all(
     spec: GenerationSpec, context: WorkflowContext, sites: SiteAssignment
 ) -> tuple[list[ScenarioSummary], list[str]]:
-    """Return the scenarios that could be generated, and notes on the others.
+    """Return the scenarios that could be generated, and notes on the scenarios that could not.
 
     Raises:
         PlannerForgeError: no scenario could be generated.
@@ -119,7 +119,7 @@ async def _make_somewhere(
     Tried spare maps are removed from the list.
 
     Raises:
-        NotPossible: no map allows it, with the reason for the assigned site.
+        NotPossible: no map allows it; the error gives the reason for the assigned site.
     """
     refusals: list[NotPossible] = []
     while True:

@@ -20,7 +20,7 @@ from ...schemas.generation import (
     GenerationRequest,
     ScenarioSummary,
 )
-from ...schemas.runs import NO_TRAJECTORY
+from ...schemas.runs import NO_TRAJECTORY, ending
 from ...schemas.text import cited_all, counted
 from ..configurations import resolve_configuration, store_configuration
 from ..context import WorkflowContext
@@ -39,9 +39,9 @@ _ADVICE = "the default planner cannot run here; another seed gives other traffic
 async def make_scenario(
     context: WorkflowContext, request: GenerationRequest, share: tuple[float, float]
 ) -> ScenarioSummary:
-    """Return one scenario: the stored one with the same recipe, otherwise a new one.
+    """Return one scenario: the stored scenario with the same recipe, otherwise a new one.
 
-    Of a million scenarios, some dozens would get the id of another scenario. These scenarios are generated again, with
+    Of a million scenarios, a few dozen would get the id of another scenario. These scenarios are generated again, with
     other digits of their digests in the ids.
 
     Raises:
@@ -76,7 +76,7 @@ async def _made(
             net=net,
             recipe=recipe,
             origin="generated",
-            beside={REPORT: report_path},
+            extra_files={REPORT: report_path},
             circumstances=circumstances_of(request.conditions),
         )
     return summarise(scenario, request, artifact.artifact_id, reused=False)
@@ -125,7 +125,7 @@ def summarise(
 
 
 def _ego_words(ego: GeneratedEgo, request: GenerationRequest) -> str:
-    """Return how many vehicles the ego was chosen from, and its speed; if it is not a car, also its size and limits."""
+    """Return text on the vehicles that the ego was chosen from, its speed and, if not a car, its size and limits."""
     count = ego.cars_to_choose_from
     chosen = "" if request.ego.text == USUAL_EGO else f" (ego={request.ego})"
     one_of = (
@@ -144,17 +144,17 @@ def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator
         if share is None or (name == PEDESTRIAN.name and not share):  # the density sets the number of pedestrians
             continue
         if share == NATURAL_SHARES.get(name):
-            yield f"{name}: {100 * share:g} % of all vehicles, its share of traffic ({SHARES_SOURCE}), but at least one"
+            yield f"{name}: {100 * share:g}% of all vehicles, as in the EU ({SHARES_SOURCE}), but at least one"
         elif share == 0:
-            yield f"{name}: at least one; its share of traffic is unknown, {name}=30% sets it"
+            yield f"{name}: at least one, because its share of traffic is unknown; {name}=30% sets one"
         else:
             realised = scenario.classes_realised.get(name, 0) / max(scenario.vehicles_realised, 1)
             yield f"{name}: {share:.0%} of all vehicles requested, {realised:.0%} realised"
 
 
-def _other_type_note(realised: str, asked: str) -> str:
-    """Return the requested type of site, if the realised one differs."""
-    return "" if asked in ("any", realised) else f" (instead of the requested {asked})"
+def _other_type_note(realised: str, requested: str) -> str:
+    """Return the requested type of site, if the realised type differs."""
+    return "" if requested in ("any", realised) else f" (instead of the requested {requested})"
 
 
 def _density(density: DensityFacts) -> str:
@@ -201,7 +201,8 @@ async def with_trial_run(context: WorkflowContext, summary: ScenarioSummary) -> 
     store_configuration(context, configuration)
     (result,) = await run_grid(context, [Cell(summary.scenario_id, None, configuration)], lambda _: None)
     if result.record is not None:
-        outcome = f"{result.record.outcome} ({DEFAULT_CONFIGURATION}, {result.record.run_id}): {result.record.reason}"
+        record = result.record
+        outcome = f"{record.run_id} ({DEFAULT_CONFIGURATION}): {ending(record.outcome, record.reason)}"
     else:
         outcome = result.lost.error if result.lost is not None else "no result"
     if result.record is not None and result.record.outcome not in NO_TRAJECTORY:

@@ -3,7 +3,7 @@
 Local maps that contain the place come first. If no local map does, the matching part of a country extract is cut out,
 or a map is downloaded. A map downloaded for a request is stored, but only the same request uses it, so the request
 gives the same bytes regardless of later downloads. A map that a user downloaded counts like any other. Maps without an
-assigned site may replace one that fails.
+assigned site may replace a map that fails.
 """
 
 from collections import Counter
@@ -98,7 +98,7 @@ def plan_maps(spec: GenerationSpec, maps: Sequence[MapEntry], closeness: Closene
 
     Raises:
         UnknownName: no map contains the place, country or box.
-        NotPossible: some maps do, but without a site of the requested type.
+        NotPossible: maps contain it, but no map has a site of the requested type.
     """
     return plan_matches(
         spec,
@@ -145,7 +145,7 @@ def _no_such_site(scenario_type: ScenarioType, matches: Sequence[MapMatch]) -> N
 
 
 def _uncovered_box_notes(box: Box, matches: Sequence[MapMatch]) -> list[str]:
-    """Return a note for a box that no map covers, such as that of a country: which parts were searched."""
+    """Return a note for a box that no map covers, such as a country's box: which parts were searched."""
     shown = [match.entry.facts for match in matches]
     south, west, north, east = box
     if any(f.south <= south and f.west <= west and north <= f.north and east <= f.east for f in shown):
@@ -166,7 +166,7 @@ async def widen_empty(spec: GenerationSpec, context: WorkflowContext, plan: Gene
     notes = list(plan.notes)
     for match in plan.matches:
         wide = match.widened
-        if wide is None or await _holds_site(spec, context, match) or not await _holds_site(spec, context, wide):
+        if wide is None or await _has_site(spec, context, match) or not await _has_site(spec, context, wide):
             matches.append(match)
             continue
         matches.append(wide)
@@ -178,7 +178,7 @@ async def widen_empty(spec: GenerationSpec, context: WorkflowContext, plan: Gene
 async def without_refused(
     spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry], refusal: PlannerForgeError
 ) -> PlannerForgeError:
-    """Return the refusal of a place, without those proposed places that have no such site and would be refused too.
+    """Return the refusal of a place, without the places that it proposes but that would be refused too.
 
     If all of them would be refused, it proposes the towns of local maps that have a site of this type.
     """
@@ -209,10 +209,10 @@ async def _is_available(
         match = plan_maps(other, entries).matches[0]
     except (UnknownName, NotPossible):
         return False
-    return await _holds_site(other, context, match)
+    return await _has_site(other, context, match)
 
 
-async def _holds_site(spec: GenerationSpec, context: WorkflowContext, match: MapMatch) -> bool:
+async def _has_site(spec: GenerationSpec, context: WorkflowContext, match: MapMatch) -> bool:
     try:
         await context.run(COUNT_SITES, request_for(spec, AssignedSite(match), 0), share=(0.0, 0.0))
     except NotPossible as refusal:
@@ -224,7 +224,7 @@ async def assign_sites(spec: GenerationSpec, context: WorkflowContext, matches: 
     """Return sites for the requested number of scenarios, or as many as there are.
 
     Raises:
-        NotPossible: no map has a matching site, with the reason for the first one.
+        NotPossible: no map has a matching site; the error gives the reason for the first map.
     """
     if spec.count == 1:
         return SiteAssignment((AssignedSite(matches[0]),), matches[1 : 1 + _MOST_SPARE_MAPS])
@@ -286,7 +286,7 @@ def share_sites(matches: Sequence[MapMatch], counts: Sequence[int], wanted: int)
 def nth_site(counts: Sequence[int], turn: int) -> tuple[int, int, int]:
     """Return the map and site for a turn, if maps take turns, and how often all sites were used before.
 
-    ``counts`` are the sites per map. All first sites come before all second ones, as in :func:`share_sites`.
+    ``counts`` are the sites per map. All first sites come before all second sites, as in :func:`share_sites`.
     """
     lap, left = divmod(turn, sum(counts))
     done = 0
@@ -407,15 +407,15 @@ def _failure_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: s
         )
     if unlocated is not None and not any(settlements_called(part) for part in place_parts(unlocated)):
         message = (
-            f"{refusal.message.rstrip('.')}, GeoNames has no settlement of 5,000 inhabitants with that name, "
-            f"and a smaller one could not be looked up: {failure.message}"
+            f"{refusal.message.rstrip('.')}. GeoNames lists no settlement called {unlocated!r} with 5,000 or more "
+            f"inhabitants, and smaller ones could not be looked up, because {failure.message}"
         )
         return UnknownName(
             message, valid=refusal.valid, next_step=refusal.next_step, reason=refusal.reason, remedies=refusal.remedies
         )
     message = (
         f"{refusal.message.rstrip('.')}, and {failure.message.rstrip('.')}; "
-        "while this lasts, only local maps are searched; these are their nearest names"
+        "until it can be reached, only local maps are searched; the valid names are the nearest of theirs"
     )
     return ServiceFailure(
         message,
@@ -540,7 +540,7 @@ def _is_named(facts: MapFacts, place: str | None) -> bool:
 
 
 def _fitting(spec: GenerationSpec, whole: Sequence[MapEntry], extracts: Sequence[MapEntry]) -> list[MapEntry]:
-    """Return the extracts that may match if no other map does: those of the country and the box."""
+    """Return the extracts that may match if no other map does: the extracts of the country and the box."""
     if not extracts or (spec.place, spec.country, spec.bbox) == (None, None, None):
         return []
     try:
@@ -571,7 +571,7 @@ def _overlap(one: Box, other: Box) -> bool:
 
 
 def _stored(context: WorkflowContext, cut: CutOfExtract, facts: MapFacts) -> MapEntry:
-    """Return the part as a map with an id from its content; if it is cut out again, the id is the same."""
+    """Store the cut part of an extract as a map; its id is derived from its content, so a repeated cut keeps it."""
     path = Path(cut.path)
     arguments = {"content": content_digest(path), "extract": facts.cut_of, "place": facts.place}
     recipe = Recipe(tool="cut_extract", arguments=arguments | {"country": facts.country})

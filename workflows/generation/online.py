@@ -39,7 +39,7 @@ async def find_place(context: WorkflowContext, words: str, country: str | None) 
 
 
 def _ambiguous(place: str, candidates: Sequence[NamedPlace]) -> InvalidRequest:
-    """Return the refusal of a name that several places have, which says how to choose one."""
+    """Return the refusal of a name that several places have; the error says how to choose one."""
     return InvalidRequest(
         f"several places have the name {place!r}",
         valid=[cited(candidate.label) for candidate in candidates],
@@ -49,7 +49,7 @@ def _ambiguous(place: str, candidates: Sequence[NamedPlace]) -> InvalidRequest:
 
 
 async def fetch_maps(
-    context: WorkflowContext, request: FetchMapRequest, *, beside: bool = False
+    context: WorkflowContext, request: FetchMapRequest, *, by_user: bool = False
 ) -> tuple[list[MapEntry], list[str]]:
     """Return downloaded or stored maps, and notes on their origin.
 
@@ -59,12 +59,12 @@ async def fetch_maps(
     with context.workspace.scratch() as folder:
         request = request.model_copy(update={"folder": str(folder)})
         fetched = await context.run(FETCH_MAPS, request, share=(_LOCATED, _FETCHED))
-        entries = [_store(context, one, request, beside=beside) for one in fetched.maps]
+        entries = [_store(context, one, request, by_user=by_user) for one in fetched.maps]
     origins = [_origin(one, request) for one in fetched.maps]
     return entries, [*dict.fromkeys(origins), *fetched.notes]
 
 
-def _store(context: WorkflowContext, fetched: FetchedMap, request: FetchMapRequest, *, beside: bool) -> MapEntry:
+def _store(context: WorkflowContext, fetched: FetchedMap, request: FetchMapRequest, *, by_user: bool) -> MapEntry:
     path, place = Path(fetched.path), request.place
     source = MapSource(
         place=_named(request),
@@ -73,7 +73,7 @@ def _store(context: WorkflowContext, fetched: FetchedMap, request: FetchMapReque
         query=fetched.query,
         service=fetched.service,
         data_time=fetched.data_time,
-        beside=beside,
+        beside=by_user,
     )
     arguments = {"content": content_digest(path), **source.model_dump(mode="json")}
     recipe = Recipe(tool="fetch_map", arguments=arguments)
@@ -100,7 +100,7 @@ def _origin(fetched: FetchedMap, request: FetchMapRequest) -> str:
 async def fetch_to_keep(
     context: WorkflowContext, words: str, country: str | None, scenario_type: ScenarioType
 ) -> tuple[MapFacts, list[str]]:
-    """Download a place's map so that it counts like an imported one.
+    """Download a place's map so that it counts like an imported map.
 
     Raises:
         PlannerForgeError: it is not available.
@@ -109,5 +109,5 @@ async def fetch_to_keep(
     request = FetchMapRequest(
         services=context.services.online, folder="", place=place, country=country, scenario_type=scenario_type
     )
-    entries, notes = await fetch_maps(context, request, beside=True)
+    entries, notes = await fetch_maps(context, request, by_user=True)
     return entries[0].facts, notes

@@ -35,7 +35,7 @@ def kept_report(artifact: Artifact, context: WorkflowContext) -> GeneratedScenar
 
 
 def described_generation(report: GeneratedScenario, artifact: Artifact, detail: Detail) -> DescribedGeneration:
-    """Return the requested and realised values; notes and warnings depend on the detail."""
+    """Return the requested and the realised values of a generated scenario; notes and warnings depend on the detail."""
     full = detail in _IN_FULL
     return DescribedGeneration(
         site=report.site,
@@ -60,7 +60,7 @@ def described_generation(report: GeneratedScenario, artifact: Artifact, detail: 
 
 
 def _conditions(artifact: Artifact) -> tuple[str, ...]:
-    """Return the conditions of the request as written in a call."""
+    """Return the conditions of the request in the notation of a call, such as ``weather=snow``."""
     kept, others = (artifact.recipe.arguments.get(name) for name in ("conditions", "others"))
     conditions = TrafficConditions.model_validate(kept or {})
     words = {
@@ -77,7 +77,7 @@ def _conditions(artifact: Artifact) -> tuple[str, ...]:
 
 
 def _flows(flows: Sequence[RoadFlow]) -> str:
-    """Return counted flows as written in a call; of many, the first few and the number of the rest."""
+    """Return counted flows in the notation of a call; of many, the first few and the number of the rest."""
     written = [
         ":".join(filter(None, (f"{flow.road}>{flow.to}" if flow.to else flow.road, f"{flow.per_h:g}", flow.direction)))
         for flow in flows[:_SHOWN_FLOWS]
@@ -87,7 +87,7 @@ def _flows(flows: Sequence[RoadFlow]) -> str:
 
 
 def with_classes(vehicles: tuple[DescribedVehicle, ...], report: GeneratedScenario) -> tuple[DescribedVehicle, ...]:
-    """Return the vehicles with the class that they were generated as, if CommonRoad's type has another name."""
+    """Return the vehicles with ``vehicle_class`` set to the generated class if that differs from CommonRoad's type."""
     classes = report.vehicle_classes
     return tuple(
         vehicle.model_copy(update={"vehicle_class": name})

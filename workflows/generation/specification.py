@@ -44,11 +44,11 @@ from ...schemas.generation import (
     USUAL_GOAL,
     WEATHER_WORDS,
     WEATHERS,
-    AskedEgo,
-    AskedGoal,
-    AskedManoeuvre,
     GenerateScenariosArguments,
     GenerationSpec,
+    RequestedEgo,
+    RequestedGoal,
+    RequestedManoeuvre,
     RoadFlow,
     TrafficConditions,
     TripKind,
@@ -56,8 +56,9 @@ from ...schemas.generation import (
     VehicleDemand,
     Weather,
 )
-from ...schemas.grammar import parse_condition
+from ...schemas.grammar import as_exclusion, parse_condition
 from ...schemas.maps import Box
+from ...schemas.text import counted
 from ...schemas.vocabulary import MANOEUVRES
 from .flow_tables import NAMING
 
@@ -84,19 +85,19 @@ def read_specification(arguments: GenerateScenariosArguments) -> GenerationSpec:
         arguments: the call, with the content of its tables instead of their names.
 
     Raises:
-        UnknownName: an unknown class of vehicles or roads, or an unknown condition.
-        InvalidRequest: an invalid goal, ego, box, condition, or number of vehicles.
+        UnknownName: a class of vehicles or roads, or a condition, is unknown.
+        InvalidRequest: the goal, the ego, the box, a condition or a number of vehicles is invalid.
     """
     faults = Faults()
     read = _ReadConditions()
-    goal, ego, bbox = AskedGoal.of(USUAL_GOAL), AskedEgo(), None
+    goal, ego, bbox = RequestedGoal.of(USUAL_GOAL), RequestedEgo(), None
     road_classes: tuple[str, ...] = ()
     vehicles: tuple[VehicleDemand, ...] = ()
     taken: list[str] = []
     with faults.collecting():
         read = read_conditions(arguments)
     with faults.collecting():
-        goal = AskedGoal.of(arguments.goal)
+        goal = RequestedGoal.of(arguments.goal)
     with faults.collecting():
         ego = _ego(arguments.ego)
     with faults.collecting():
@@ -139,7 +140,7 @@ class _ReadConditions:
 
     conditions: TrafficConditions | None = None
     notes: tuple[str, ...] = ()
-    others: AskedManoeuvre | None = None
+    others: RequestedManoeuvre | None = None
 
 
 def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
@@ -158,7 +159,7 @@ def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
             read[key], note = _READERS[key](value)
             notes += [note] if note else []
     faults.raise_all()
-    others = AskedManoeuvre.of(str(read.pop("others", "")))
+    others = RequestedManoeuvre.of(str(read.pop("others", "")))
     if not read:
         return _ReadConditions(others=others)
     flows = tuple(flow for key in NAMING for flow in _flows_in(read.pop(key, ())))
@@ -172,6 +173,9 @@ def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
             f"{conditions.time}: {per_lane_km:g} vehicles per lane-km (medium at noon, other hours by their share of a "
             f"working day, {SHARES_OF_DAY_SOURCE}); a given density overrides it"
         )
+    elif conditions.hour is not None:
+        source = "the flows set" if flows else f"density={arguments.density} sets"
+        notes.append(f"{conditions.time}: the hour does not change the number of vehicles, because {source} it")
     return _ReadConditions(conditions, tuple(notes), others)
 
 
@@ -209,7 +213,7 @@ def _split_condition(text: str) -> tuple[str, str]:
     key = key.lower()
     if not mark or key not in _KEYS:
         raise UnknownName(
-            f"conditions {text!r}: {key or 'the empty text'} is not a condition",
+            f"{text!r} in conditions does not name a condition",
             valid=[f"{known}=…" for known in closest(key, _KEYS)],
             remedies=misspelt(key, _KEYS),
             next_step="give conditions such as time=rush_hour, weather=snow, drivers=aggressive, mix=natural",
@@ -227,7 +231,8 @@ def _time(value: str) -> tuple[str, str]:
     hour = -1 if found is None else int(found[1]) % 12 + 12 * (found[3] == "pm") if found[3] else int(found[1])
     minute = 0 if found is None or found[2] is None else int(found[2])
     if not (0 <= hour < 24 and 0 <= minute < 60):
-        raise InvalidRequest(f"time={value} is not a time of day", valid=[*_TIMES, "17:30"], given=value)
+        meant = value if found is None else ""  # another hour would be a guess
+        raise InvalidRequest(f"time={value} is not a time of day", valid=[*_TIMES, "17:30"], given=meant)
     return f"{hour:02d}:{minute:02d}", ""
 
 
@@ -236,7 +241,7 @@ def _weather(value: str) -> tuple[Weather, str]:
     known = next((weather for weather in WEATHERS if weather == name), None)
     if known is None:
         raise UnknownName(
-            f"there is no weather {value!r}; without a condition it is good",
+            f"there is no weather {value!r}; without a weather, it is good",
             valid=closest(value, WEATHERS) or WEATHERS,
             next_step="choose one of these, or leave the weather out",
             remedies=misspelt(value, [*WEATHERS, *WEATHER_WORDS]),
@@ -258,7 +263,7 @@ def _weather(value: str) -> tuple[Weather, str]:
 def _drivers(value: str) -> tuple[str, str]:
     known = {name.lower(): name for name in presets()}
     if value in known:
-        return known[value], f"all drivers are {known[value]} (the paper's preset)"
+        return known[value], f"all drivers are {known[value]} (a preset of the PlannerForge paper)"
     published = published_calibrations()
     names = value.split("+")
     for name in names:
@@ -356,13 +361,13 @@ def _flow(text: str, key: str, example: str) -> RoadFlow:
 
 
 def read_vehicles(
-    texts: list[str], ego: AskedEgo, others: AskedManoeuvre | None
+    texts: list[str], ego: RequestedEgo, others: RequestedManoeuvre | None
 ) -> tuple[tuple[VehicleDemand, ...], list[str]]:
     """Parse the vehicles of a call, including the classes of its ego and actor, with notes on their words.
 
     Raises:
-        UnknownName: a vehicle class that does not exist.
-        InvalidRequest: invalid numbers of vehicles.
+        UnknownName: a vehicle class does not exist.
+        InvalidRequest: the numbers of vehicles are invalid.
     """
     in_our_words = [_normalised_demand(text) for text in texts]
     demands = _vehicle_demands(texts, [words for words, _ in in_our_words])
@@ -423,7 +428,7 @@ def _vehicle_demands(texts: list[str], in_our_words: Iterable[str]) -> tuple[Veh
 
 
 def _with_lower_shares(texts: Sequence[str], demands: Sequence[VehicleDemand], shared: float) -> list[str]:
-    """Return the demands with shares in the same proportion that add up to at most 100 %."""
+    """Return the demands with shares in the same proportion that add up to at most 100%."""
     return [
         text if demand.share is None else f"{demand.vehicle_class}={math.floor(100 * demand.share / shared)}%"
         for text, demand in zip(texts, demands, strict=True)
@@ -492,22 +497,24 @@ def _shared_demand(text: str, name: str, share: float) -> VehicleDemand:
     return VehicleDemand(vehicle_class=name, share=share)
 
 
-def _ego(text: str) -> AskedEgo:
+def _ego(text: str) -> RequestedEgo:
     """Return the requested ego with our word for its class: ``type:lorry`` and ``lorry`` become ``type:truck``."""
     known = vehicle_class_of(text.strip().removeprefix("type:"))
-    return AskedEgo.of(text if known is None else f"type:{known}")
+    return RequestedEgo.of(text if known is None else f"type:{known}")
 
 
-def _with_ego_class(demands: tuple[VehicleDemand, ...], ego: AskedEgo) -> tuple[VehicleDemand, ...]:
+def _with_ego_class(demands: tuple[VehicleDemand, ...], ego: RequestedEgo) -> tuple[VehicleDemand, ...]:
     """Return the demands with the ego's class, if it is not a car, because other vehicles have it too."""
-    name = ego.asked_class
+    name = ego.requested_class
     if name in (None, "car") or any(demand.vehicle_class == name for demand in demands):
         return demands
     return *demands, _bare_demand(name)
 
 
-def _with_actor_class(demands: tuple[VehicleDemand, ...], others: AskedManoeuvre | None) -> tuple[VehicleDemand, ...]:
-    """Return the demands with the class of a manoeuvre's actor, if it is given and missing from them.
+def _with_actor_class(
+    demands: tuple[VehicleDemand, ...], others: RequestedManoeuvre | None
+) -> tuple[VehicleDemand, ...]:
+    """Return the demands with the class of a manoeuvre's actor, if the class is given and missing from the demands.
 
     Raises:
         InvalidRequest: vehicles excludes the class.
@@ -523,6 +530,7 @@ def _with_actor_class(demands: tuple[VehicleDemand, ...], others: AskedManoeuvre
 
 def _normalised_demand(text: str) -> tuple[str, str]:
     """Return a demand with our word for its class, and a note if the word was replaced."""
+    text = as_exclusion(text)
     found = re.fullmatch(r"(\s*!?\s*)([^\W\d][^<>=!]*?)(\s*(?:[<>=].*)?)", text, re.DOTALL)
     name = None if found is None else vehicle_class_of(found[2])
     if found is None or name is None or name == found[2]:
@@ -534,12 +542,14 @@ def _box(bbox: list[float] | None) -> Box | None:
     """Return the checked box of the arguments.
 
     Raises:
-        InvalidRequest: it is not a box.
+        InvalidRequest: the numbers are not a box.
     """
     if bbox is None:
         return None
     if len(bbox) != 4:
-        raise InvalidRequest(f"bbox has {len(bbox)} numbers", valid=["[south, west, north, east] in degrees"])
+        raise InvalidRequest(
+            f"bbox has {counted(len(bbox), 'number')}", valid=["[south, west, north, east] in degrees"]
+        )
     south, west, north, east = bbox
     if not (-90 <= south < north <= 90 and -180 <= west < east <= 180):
         ordered = [min(south, north), min(west, east), max(south, north), max(west, east)]

@@ -7,12 +7,12 @@ standard error, one per line.
 Keys:
 
 - ``commonroad``, ``opendrive``, ``lanelet2``, ``repositories``: how many were tried; ``accepted``: imported files.
-- ``wrong_refusals``: refused files that a judge accepts (CommonRoad: commonroad-io reads it, and CommonRoad's schema
-  and its rule of one state per step hold; OpenDRIVE: netconvert makes a network for cars with its default settings;
-  Lanelet2: a lanelet has two bounds).
+- ``wrong_refusals``: refused files that a judge accepts. CommonRoad: commonroad-io reads the file, and CommonRoad's
+  schema and its rule of one state per step hold. OpenDRIVE: netconvert makes a network for cars with its default
+  settings. Lanelet2: a lanelet has two bounds.
 - ``crashes``: files that ended in an error other than a refusal.
 - ``lost_links``: links between roads, as sumolib reads the network, that the lanelets lack and that are not reported as
-  too tight, and Lanelet2 lanelets that begin at another's end without following it; ``links``: all links;
+  too tight, and Lanelet2 lanelets that begin at another's end without following it. ``links``: all links.
   ``named_tight``: links reported as too tight for a lanelet.
 - ``invalid_goals``: imported planning problems without a start, a time, or an existing lanelet.
 - ``wrong_side``: roads that drive on the other side than the file says.

@@ -90,7 +90,7 @@ def netconvert_reads(path: Path, scratch: Path) -> bool:
 
 
 def rule_of(path: Path) -> str:
-    """Return the traffic rule that most roads of an OpenDRIVE file state; RHT if none does."""
+    """Return the traffic rule that most roads of an OpenDRIVE file state, or RHT by default."""
     rules = _RULE.findall(path.read_bytes())
     return "LHT" if rules.count(b"LHT") > rules.count(b"RHT") else "RHT"
 

@@ -3,7 +3,7 @@
 Keys:
 
 - ``tags_right``: share of drawn crossings (``osm_tags.tsv``) with a west arm that matches OpenStreetMap's documentation
-  of its tags, or for which the answer reports that it does not; ``tags_held_right``: the same for the held-out ones;
+  of its tags, or for which the answer reports that it does not. ``tags_held_right``: the same for the held-out ones.
   ``tags_drawn``, ``tags_told`` (not as documented, but reported), ``tags_wrong`` (the first ones).
 - ``limits_right``: share of countries and kinds of road (town street, road outside, motorway, all without a signed
   limit) that get the country's legal limit; ``limits_wrong`` lists the others.
@@ -114,13 +114,13 @@ def judged(case: Mapping[str, str], folder: Path) -> Verdict:
     try:
         built = _built(path, case["country"], folder)
     except (NotPossible, UnsafeInput) as refusal:
-        return Verdict(False, _is_told([refusal.message], case["told"]))
+        return Verdict(False, _is_reported([refusal.message], case["told"]))
     arm = _Arm(built)
     right = all(arm.holds(term) for term in case["right"].split() if term != "told_only")
-    return Verdict(right and case["right"] != "told_only", _is_told(built.notes, case["told"]))
+    return Verdict(right and case["right"] != "told_only", _is_reported(built.notes, case["told"]))
 
 
-def _is_told(notes: tuple[str, ...] | list[str], word: str) -> bool:
+def _is_reported(notes: tuple[str, ...] | list[str], word: str) -> bool:
     """Return True if a note names the road (or the kind of junction) and the word of its tag."""
     return bool(word) and any(word in note and ("West" in note or "barrier" in note) for note in notes)
 

@@ -37,7 +37,7 @@ from plannerforge.schemas.modification import Edit, ModificationOutcome, Modific
 from ...harness import existing, print_figures, shared_scenarios
 from ..advice.measure import measure_advice
 from ..written_tracks import RoadUser, WrittenFile
-from .motion import MOTION_KINDS, Drawn, Told
+from .motion import MOTION_KINDS, Drawn, StatedVerdicts
 from .red_lights import red_crossings
 from .scenes import SCENE_KINDS
 
@@ -87,7 +87,7 @@ def _judge(path: Path, base: WrittenFile, drawn: Drawn, folder: Path, counts: _C
     if outcome.xml is None:
         raise ValueError("nothing was written")
     new = WrittenFile.read(outcome.xml)
-    told = Told(
+    told = StatedVerdicts(
         tuple(tuple(key for key in report.vehicles if key not in base.users) for report in outcome.edits),
         tuple(report.verdict for report in outcome.edits),
         frozenset(outcome.handed_over),

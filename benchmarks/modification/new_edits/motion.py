@@ -12,13 +12,13 @@ from ..written_tracks import Array, Lane, RoadUser, WrittenFile
 from .red_lights import crossed
 
 Edit = dict[str, Any]
-Judge = Callable[[WrittenFile, WrittenFile, "Told"], str]
+Judge = Callable[[WrittenFile, WrittenFile, "StatedVerdicts"], str]
 """Maps base, new file and answer to the fault, or to an empty text."""
 _MOVING_MPS = 3.0
 
 
 @dataclass(frozen=True)
-class Told:
+class StatedVerdicts:
     """The parts of the answer that a judge cannot derive: the ids of added vehicles by edit, and the verdicts."""
 
     added: tuple[tuple[int, ...], ...]
@@ -95,7 +95,7 @@ def draw_swerve(file: WrittenFile, rng: random.Random) -> Drawn | None:
         "time_s": round(user.first * file.step_s + begin, 3),
     }
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:  # noqa: ARG001
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:  # noqa: ARG001
         before, after = base.users[user.key], new.users[user.key]
         _, offsets = offsets_from(path_of(before), after, before.first)
         reached = float((offsets * sign).max())
@@ -119,7 +119,7 @@ def draw_rate(file: WrittenFile, rng: random.Random) -> Drawn | None:
         "time_s": round(begin * file.step_s, 3),
     }
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:
         after = new.users[user.key]
         speeds = after.speeds[begin - after.first :]
         due = (float(base.users[user.key].speeds[5]) - final) / rate + 1.0
@@ -143,7 +143,7 @@ def draw_relative(file: WrittenFile, rng: random.Random) -> Drawn | None:
     user, percent = rng.choice(users), rng.choice([-20, -10, 10, 15])
     edit = {"op": "set_speed", "vehicles": [str(user.key)], "speed": f"{percent:+d}%"}
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:
         before, after = base.users[user.key], new.users[user.key]
         path = path_of(before)
         there = path.along(before.places)[0]
@@ -161,7 +161,7 @@ def draw_relative(file: WrittenFile, rng: random.Random) -> Drawn | None:
     return Drawn("relative", (edit,), judge)
 
 
-def _beside(file: WrittenFile, user: RoadUser) -> dict[str, Lane]:
+def _side_lanes(file: WrittenFile, user: RoadUser) -> dict[str, Lane]:
     lane = on_lane(file, user)
     if lane is None:
         return {}
@@ -176,7 +176,9 @@ def _beside(file: WrittenFile, user: RoadUser) -> dict[str, Lane]:
 
 def draw_lane_change(file: WrittenFile, rng: random.Random) -> Drawn | None:
     """Draw a lane change in a prescribed time."""
-    options = [(user, side, lane) for user in movers(file, 60) for side, lane in sorted(_beside(file, user).items())]
+    options = [
+        (user, side, lane) for user in movers(file, 60) for side, lane in sorted(_side_lanes(file, user).items())
+    ]
     if not options:
         return None
     user, side, lane = rng.choice(options)
@@ -190,7 +192,7 @@ def draw_lane_change(file: WrittenFile, rng: random.Random) -> Drawn | None:
         "time_s": round(begin * file.step_s, 3),
     }
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:  # noqa: ARG001
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:  # noqa: ARG001
         before, after = base.users[user.key], new.users[user.key]
         offsets = np.abs(offsets_from(path_of(before), after, begin)[1])
         wanted = abs(float(lane.along(before.places[5:6])[1][0]))
@@ -219,7 +221,7 @@ def draw_cut_in(file: WrittenFile, rng: random.Random) -> Drawn | None:
     users = movers(file, 60)
     options = []
     for user in users:
-        beside = {lane.key for lane in _beside(file, user).values()}
+        beside = {lane.key for lane in _side_lanes(file, user).values()}
         for other in users:
             lane = on_lane(file, other)
             if other is user or lane is None or lane.key not in beside:
@@ -233,7 +235,7 @@ def draw_cut_in(file: WrittenFile, rng: random.Random) -> Drawn | None:
     gap, taken = rng.choice([0.8, 1.0, 1.5]), rng.choice([2.5, 3.0])
     edit = {"op": "cut_in", "vehicles": [str(user.key)], "at": f"vehicle:{other.key}", "gap_s": gap, "lateral_s": taken}
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:
         after, target = new.users[user.key], new.users[other.key]
         path = path_of(base.users[other.key])
         first = max(after.first, target.first)
@@ -269,7 +271,7 @@ def draw_wrong_way(file: WrittenFile, rng: random.Random) -> Drawn | None:
     lane, speed = rng.choice(lanes), rng.choice([5.0, 8.0])
     edit = {"op": "wrong_way", "at": str(lane.key), "position": "0.8", "speed": f"{speed}m/s"}
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:  # noqa: ARG001
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:  # noqa: ARG001
         (key,) = told.added[0]
         user = new.users[key]
         stations, offsets, directions = lane.along(user.places)
@@ -311,7 +313,7 @@ def draw_run_red_light(file: WrittenFile, rng: random.Random) -> Drawn | None:
         {"op": "run_red_light", "vehicles": [str(user.key)]},
     )
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:  # noqa: ARG001
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:  # noqa: ARG001
         after, here = new.users[user.key], new.lanes[lane.key]
         step = crossed(after, here)
         if step is None:

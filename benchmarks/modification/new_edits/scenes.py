@@ -6,7 +6,7 @@ import random
 import numpy as np
 
 from ..written_tracks import Lane, WrittenFile
-from .motion import Drawn, Told, movers, on_lane
+from .motion import Drawn, StatedVerdicts, movers, on_lane
 
 
 def _others_same(base: WrittenFile, new: WrittenFile, changed: set[str]) -> str:
@@ -46,7 +46,7 @@ def draw_move(file: WrittenFile, rng: random.Random) -> Drawn | None:
     user, lane = rng.choice(users), rng.choice(lanes)
     edit = {"op": "move", "vehicles": [str(user.key)], "at": str(lane.key), "position": "0.5"}
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:
         before, after = base.users[user.key], new.users[user.key]
         if (after.kind, after.length_m, after.width_m, after.first) != (
             before.kind,
@@ -75,7 +75,7 @@ def draw_replace(file: WrittenFile, rng: random.Random) -> Drawn | None:
     user, kind = rng.choice(users), rng.choice(["truck", "bus", "motorcycle"])
     edit = {"op": "replace", "vehicles": [str(user.key)], "vehicle_class": kind}
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:
         before, after = base.users[user.key], new.users[user.key]
         if after.kind != kind or (after.length_m > before.length_m) != (kind != "motorcycle"):
             return f"is a {after.kind} of {after.length_m} m"
@@ -108,7 +108,7 @@ def draw_gap(file: WrittenFile, rng: random.Random) -> Drawn | None:
     user, lane, gap, start = rng.choice(options)
     edit = {"op": "add_vehicle", "vehicle_class": "car", "at": f"vehicle:{user.key}", "gap_s": gap, "speed": "8m/s"}
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:
         (key,) = told.added[0]
         after, other = new.users[key], base.users[user.key]
         index = start - other.first
@@ -127,7 +127,7 @@ def draw_standing(file: WrittenFile, rng: random.Random) -> Drawn | None:
     lane = rng.choice(lanes)
     edit = {"op": "add_vehicle", "vehicle_class": "car", "at": str(lane.key), "position": "0.5", "speed": "0m/s"}
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:  # noqa: ARG001
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:  # noqa: ARG001
         user = new.users[told.added[0][0]]
         rolled = float(np.linalg.norm(user.places - user.places[0], axis=1).max())
         return "" if rolled < 0.05 else f"moves {rolled:.2f} m"
@@ -143,7 +143,7 @@ def draw_kerb(file: WrittenFile, rng: random.Random) -> Drawn | None:
     lane = rng.choice(lanes)
     edit = {"op": "add_vehicle", "vehicle_class": "car", "at": str(lane.key), "position": "0.5", "side": "right"}
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:  # noqa: ARG001
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:  # noqa: ARG001
         user = new.users[told.added[0][0]]
         place, heading = _point_on(lane, 0.5)
         right = np.array([math.sin(heading), -math.cos(heading)])
@@ -167,7 +167,7 @@ def draw_pedestrian(file: WrittenFile, rng: random.Random) -> Drawn | None:
     lane, side = rng.choice(lanes), rng.choice(["left", "right"])
     edit = {"op": "add_vehicle", "vehicle_class": "pedestrian", "at": str(lane.key), "position": "0.5", "side": side}
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:  # noqa: ARG001
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:  # noqa: ARG001
         user = new.users[told.added[0][0]]
         offsets = lane.along(user.places)[1]
         sign = 1.0 if side == "left" else -1.0
@@ -192,7 +192,7 @@ def draw_closure(file: WrittenFile, rng: random.Random) -> Drawn | None:
         "duration_s": lasts * file.step_s,
     }
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:  # noqa: ARG001
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:  # noqa: ARG001
         user = new.users[told.added[0][0]]
         if (user.first, user.last) != (begin, begin + lasts):
             return f"is there from {user.first} to {user.last}"
@@ -212,7 +212,7 @@ def draw_light(file: WrittenFile, rng: random.Random) -> Drawn | None:
     lane, red, green = rng.choice(lanes), rng.choice([5, 12]), rng.choice([8, 20])
     edit = {"op": "set_light", "to": [str(lane.key)], "params": [f"red={red}", f"green={green}"]}
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:  # noqa: ARG001
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:  # noqa: ARG001
         wanted = tuple((round(value / new.step_s), colour) for value, colour in ((red, "red"), (green, "green")))
         lights = [new.lights[key] for key in new.lanes[lane.key].lights if key in new.lights]
         if not lights or any(light.phases != wanted for light in lights):
@@ -229,7 +229,7 @@ def draw_crop_time(file: WrittenFile, rng: random.Random) -> Drawn | None:
     begin, lasts = rng.choice([0, 10]), 25
     edit = {"op": "crop", "time_s": begin * file.step_s, "duration_s": lasts * file.step_s}
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:  # noqa: ARG001
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:  # noqa: ARG001
         for key, user in base.users.items():
             if user.is_static or len(user.places) < 2:
                 continue
@@ -260,7 +260,7 @@ def draw_crop_place(file: WrittenFile, rng: random.Random) -> Drawn | None:
     size = rng.choice([[400.0, 300.0], [600.0, 400.0]])
     edit = {"op": "crop", "at": "ego", "rectangle_m": size}
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:  # noqa: ARG001
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:  # noqa: ARG001
         ego = base.ego
         if ego is None:
             return "no ego"
@@ -281,7 +281,7 @@ def draw_crop_place(file: WrittenFile, rng: random.Random) -> Drawn | None:
 def draw_mirror(file: WrittenFile, rng: random.Random) -> Drawn | None:  # noqa: ARG001
     """Draw the mirrored scene."""
 
-    def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:  # noqa: ARG001
+    def judge(base: WrittenFile, new: WrittenFile, told: StatedVerdicts) -> str:  # noqa: ARG001
         flip = np.array([1.0, -1.0])
         for key, user in base.users.items():
             after = new.users[key]

@@ -39,7 +39,7 @@ from .bench import StreetBench
 _SERVICE_SHARE = 0.75
 _RAW_SHARE = 0.1
 """Share of answers that are hardly JSON (chosen): after those the product retries with a pause of a second."""
-_MOST_TOLD = 30
+_MOST_LISTED = 30
 _LIMIT_S = 100.0
 _LONGEST = 10_000
 """Most characters of a text in a map: a key or value of OpenStreetMap has 255, and an outline is no text."""
@@ -71,7 +71,7 @@ def measure(bench: StreetBench) -> Figures:
     chance = random.Random(bench.seed)  # noqa: S311 - forged content, no secret
     anyio.run(_services, folder / "services", services, chance, seen)
     anyio.run(_planners, folder / "planners", bench.answers - services, chance, seen)
-    for text in seen.told[:_MOST_TOLD]:
+    for text in seen.told[:_MOST_LISTED]:
         sys.stderr.write(f"{text}\n")
     return {
         "forged_answers": seen.services + seen.planners,
@@ -278,7 +278,7 @@ async def _services(folder: Path, count: int, chance: random.Random, seen: _Seen
         )
         async with Client(create_server(settings, start_folder=folder)) as client:
             for number in range(count):
-                _tell(number, count, "answers of services")
+                _report_progress(number, count, "answers of services")
                 kind = chance.choice(["search", "map"])
                 services.name = f"Forgeville {number}"
                 sound: Any = sound_places(services.name) if kind == "search" else sound_map()
@@ -321,7 +321,7 @@ async def _planners(folder: Path, count: int, chance: random.Random, seen: _Seen
         await _answer_text(client, "run_planner", {"scenarios": [_SCENARIO], "configs": ["told"], "wait_s": 50})
         sound = sound_plan(json.loads((folder / "request").read_text(encoding="utf-8")))
         for number in range(count):
-            _tell(number, count, "answers of programs")
+            _report_progress(number, count, "answers of programs")
             content = forged_plan(sound, chance)
             (folder / "answer").write_bytes(content)
             said = chance.choice(["", "", FORGED, f"Traceback\nValueError: {FORGED}\u202e", "\x1b[2J" + FORGED * 1000])
@@ -391,6 +391,6 @@ async def _answer_text(client: Client, tool: str, arguments: Mapping[str, Any]) 
     return "\n".join(getattr(block, "text", "") for block in result.content)
 
 
-def _tell(number: int, count: int, what: str) -> None:
+def _report_progress(number: int, count: int, what: str) -> None:
     if number % 100 == 0 and number:
         sys.stderr.write(f"{number} of {count} {what}\n")

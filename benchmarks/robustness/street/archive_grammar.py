@@ -193,7 +193,7 @@ def _parents_in_a_circle(draft: Draft, chance: random.Random) -> None:
         }
 
 
-def _run_went_otherwise(draft: Draft, chance: random.Random) -> None:
+def _forge_run_result(draft: Draft, chance: random.Random) -> None:
     """Give a run the id of its recipe and an invented result."""
     record = _draw(draft, chance, "run").get("record")
     if isinstance(record, dict):
@@ -311,7 +311,7 @@ def _file_removed(draft: Draft, chance: random.Random) -> None:
 PRODUCTIONS: tuple[Callable[[Draft, random.Random], None], ...] = (
     *(_value_changed, _value_of_record_changed, _value_of_record_changed, _texts_forged, _key_dropped, _key_added),
     *(_record_emptied, _records_exchanged, _ids_exchanged, _id_changed, _kind_changed, _recipe_changed),
-    *(_parents_in_a_circle, _run_went_otherwise, _run_went_otherwise, _weights_changed, _members_lost, _record_twice),
+    *(_parents_in_a_circle, _forge_run_result, _forge_run_result, _weights_changed, _members_lost, _record_twice),
     *(
         _record_left_out,
         _date_forged,

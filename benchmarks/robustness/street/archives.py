@@ -37,7 +37,7 @@ from ..judges import faults_of
 from .archive_grammar import ForgedArchive, forged_archives
 from .bench import StreetBench
 
-_MOST_TOLD = 40
+_MOST_LISTED = 40
 _RUN_EVERY = 6
 """A planner also runs after one in this many accepted archives (chosen), because it takes seconds."""
 _NAMED = re.compile(r"\[(\w+)\] ")
@@ -83,7 +83,7 @@ def measure(bench: StreetBench) -> Figures:
         file.write_bytes(forged.content)
         seen.were_right.append(_is_right(copy, file, forged, seen))
         shutil.rmtree(copy)
-    for text in seen.told[:_MOST_TOLD]:
+    for text in seen.told[:_MOST_LISTED]:
         sys.stderr.write(f"{text}\n")
     return {
         "forged_archives": len(seen.were_right),

@@ -3,9 +3,9 @@
 It shares no code with the server. Its last line counts requests and responses by kind.
 
 Kinds: ``long_head`` (one endless header), ``many_lines`` (endless headers), ``half_head`` (kept open), ``slow_head`` (a
-line per second), ``body`` (megabytes, announced), ``half_body`` (announced and not sent), ``chunks`` (mostly framing),
-``stream`` (of events), ``session`` (started), ``wrong_token``, ``foreign`` (another Host and Origin), ``ready``
-(requested endlessly).
+line per second), ``body`` (megabytes, announced), ``half_body`` (announced and not sent), ``chunks`` (mostly framing).
+Others are ``stream`` (of events), ``session`` (started), ``wrong_token``, ``foreign`` (another Host and Origin),
+``ready`` (requested endlessly).
 """
 
 import asyncio

@@ -41,7 +41,7 @@ _PAUSE_S = (0.05, 0.4)
 """Range of the pause between two calls of an honest client (chosen), so that it does not fill a core."""
 _GONE_WITHIN_S = 90.0
 """Time within which a server must release a stranger's connections; an idle one stays open for 75 s (docs/http.md)."""
-_MOST_TOLD = 10
+_MOST_LISTED = 10
 
 
 @dataclass
@@ -115,7 +115,7 @@ def measure(bench: StreetBench) -> Figures:
     }
     with http_process(folder, settings=settings) as server:
         anyio.run(_attended, bench, server, folder / "server.log", tokens, seen)
-    for fault in (*seen.alone.faults, *seen.beside.faults)[:_MOST_TOLD]:
+    for fault in (*seen.alone.faults, *seen.beside.faults)[:_MOST_LISTED]:
         sys.stderr.write(f"{fault}\n")
     for name, counted in sorted(seen.knocks.items()):
         sys.stderr.write(f"{name}: {counted}\n")

@@ -6,7 +6,7 @@ Keys:
   each in two widths, dark and light).
 - ``bridge_checks``: checks made; ``bridge_failed``: failed checks, each listed on standard error.
 - ``bridge_read_ms``: median time from the tool's answer to the view's data, both at the bridge; ``bridge_made_ms``: the
-  longest, for a view that did not exist before (-1 if none was read).
+  longest, for a view that did not exist before (-1 if no view was read).
 - ``bridge_version`` of ``@modelcontextprotocol/ext-apps``.
 
 ``AppBridge`` with its ``PostMessageTransport`` comes from npm, as does the client that connects the host's page to a

@@ -26,14 +26,14 @@ _CREATED, _DATE = 1_700_000_000, "2026-11-02T08:00:00.000000Z"
 _PIECE = 24
 """Characters of a streamed piece (chosen)."""
 _USAGE = (1200, 40)
-"""Claimed input and output tokens: clients require figures, and this server counts none."""
+"""Claimed input and output tokens: clients require figures, and this server does not count."""
 _STOP_S = 10.0
 _ADDRESSED = ("image", "image_url", "input_image", "file", "input_file", "document")
 Json = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Asked:
+class ModelRequest:
     """The content of a request to a model.
 
     Args:
@@ -78,7 +78,7 @@ class ScriptedModel:
         self.shown: tuple[ShownResult, ...] = ()
         self.requests = 0
 
-    def reply(self, asked: Asked) -> _Reply:
+    def reply(self, asked: ModelRequest) -> _Reply:
         """Return the next message; a text if the request offers none of the server's tools (for a title, say)."""
         self.requests += 1
         if len(asked.shown) >= len(self.shown):
@@ -190,7 +190,7 @@ def model_application(model: ScriptedModel) -> "Starlette":
 class _Protocol:
     """How to read a request, and how to write a message whole and in pieces."""
 
-    read: Callable[[Json], Asked]
+    read: Callable[[Json], ModelRequest]
     whole: Callable[[_Reply], Json]
     stream: Callable[[_Reply], Iterator[str]]
     media_type: str = "text/event-stream"
@@ -220,9 +220,9 @@ class _Conversation:
             last = self._shown[-1]
             self._shown[-1] = ShownResult(last.tool, last.text, last.pictures + pictures)
 
-    def asked(self, tools: Sequence[tuple[str, str]], streamed: bool) -> Asked:
+    def asked(self, tools: Sequence[tuple[str, str]], streamed: bool) -> ModelRequest:
         """Return all of it."""
-        return Asked(tuple(tools), tuple(self._shown), streamed, self._unusable)
+        return ModelRequest(tuple(tools), tuple(self._shown), streamed, self._unusable)
 
     def _flat(self, content: Any) -> tuple[str, int]:
         """Return text and number of pictures of a content, in any of the protocols' forms."""
@@ -264,7 +264,7 @@ def _event(value: Json, name: str = "") -> str:
 # OpenAI's chat completions
 
 
-def _read_chat(body: Json) -> Asked:
+def _read_chat(body: Json) -> ModelRequest:
     conversation = _Conversation()
     for message in body.get("messages", []):
         for call in message.get("tool_calls") or []:
@@ -323,7 +323,7 @@ def _stream_chat(reply: _Reply) -> Iterator[str]:
 # OpenAI's responses
 
 
-def _read_responses(body: Json) -> Asked:
+def _read_responses(body: Json) -> ModelRequest:
     conversation = _Conversation()
     given = body.get("input") or []
     for item in [] if isinstance(given, str) else given:
@@ -405,7 +405,7 @@ def _stream_responses(reply: _Reply) -> Iterator[str]:
 # Anthropic's messages
 
 
-def _read_messages(body: Json) -> Asked:
+def _read_messages(body: Json) -> ModelRequest:
     conversation = _Conversation()
     for message in body.get("messages", []):
         content = message.get("content")
@@ -459,7 +459,7 @@ def _stream_messages(reply: _Reply) -> Iterator[str]:
 # Ollama's chat
 
 
-def _read_ollama(body: Json) -> Asked:
+def _read_ollama(body: Json) -> ModelRequest:
     conversation = _Conversation()
     for number, message in enumerate(body.get("messages", [])):
         for call in message.get("tool_calls") or []:
@@ -502,7 +502,7 @@ def _stream_ollama(reply: _Reply) -> Iterator[str]:
 # A plain protocol, for clients with a driver that requests the next call
 
 
-def _read_plain(body: Json) -> Asked:
+def _read_plain(body: Json) -> ModelRequest:
     conversation = _Conversation()
     for number, result in enumerate(body["shown"]):
         conversation.called(number, result["tool"])

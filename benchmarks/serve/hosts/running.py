@@ -3,8 +3,8 @@
 A client's driver (``drivers/``) is a small program in the client's own environment that uses only the client's public
 interface. It receives the path of an input file, and writes an output file with what the client showed:
 
-- input: ``command``, ``arguments`` and ``env`` of the server, or its ``url``; ``model`` (address of the scripted model)
-  and ``model_name``; ``request`` (the user's request); ``helped`` (whether the roster's setting is used); ``packages``
+- input: ``command``, ``arguments`` and ``env`` of the server, or its ``url``. ``model`` (address of the scripted model)
+  and ``model_name``. ``request`` (the user's request). ``helped`` (whether the roster's setting is used). ``packages``
   (a file next to the Node packages, from which they are found).
 - output, at ``report``: ``said`` (what the user saw at the end), and ``progress`` (notes shown), if there is a place
   for them.

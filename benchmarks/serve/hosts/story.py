@@ -32,7 +32,7 @@ _BATCH, _JOB = re.compile(r"\bbatch_[0-9a-f]{8,}"), re.compile(r"\bjob_[0-9a-f]{
 _PNG, _PNG_AS_TEXT = b"\x89PNG\r\n\x1a\n", "iVBORw0KGgo"
 _WRONG_EDITS = 2
 _UNKNOWN = "unknown"
-"""The client's name in a journal if it gave none."""
+"""The name in a journal of a client that did not give one."""
 
 
 @dataclass(frozen=True)

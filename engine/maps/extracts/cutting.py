@@ -105,7 +105,7 @@ def _resolve_target(request: CutExtractRequest, store: TileStore) -> _Target | N
 
 
 def _place_called(part: str, others: Sequence[PlaceArea], store: TileStore) -> PlaceArea | None:
-    """Return the largest place with a name, or the one nearest to a second place in the text."""
+    """Return the largest place with a name, or the place nearest to a second place in the text."""
     bodies = store.places_called(place_keys(part) | place_keys(without_frame(part)))
     bodies = bodies or store.places_called(names_elsewhere(without_frame(part)))
     places = [PlaceArea.model_validate_json(body) for body in bodies]
@@ -175,7 +175,7 @@ def _at_roads(
 
 
 def _spots(roads: Sequence[str], tile: int, box: Box | None, store: TileStore) -> list[Position]:
-    """Return where the roads meet in a tile and a box; all their nodes if there is one road or they never meet."""
+    """Return the positions where the roads meet in a tile and a box; all their nodes if one road or no meeting."""
     inside = box_of_tile(tile)
     osm = store.read(inside)
     lines = [_nodes_of(road, osm) for road in roads]
@@ -204,7 +204,7 @@ def _with_all_roads(roads: Sequence[str], box: Box | None, store: TileStore) -> 
 
 
 def _core(chosen: _Target, seed: int, store: TileStore) -> Box:
-    """Return the largest allowed square around the requested place; around one of its sites if it is too large."""
+    """Return the largest allowed square around the requested place or, if the place is too large, one of its sites."""
     core = _square(chosen.middle, min(SIDES_M[0], 2 * chosen.reach_m))
     is_whole = 2 * chosen.reach_m <= SIDES_M[0] and store.node_count_within(_widened(core, MARGIN_M)) <= MOST_NODES
     middle = chosen.middle if is_whole or not chosen.sites else chosen.sites[seed * _STRIDE % len(chosen.sites)]

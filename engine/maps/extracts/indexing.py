@@ -56,7 +56,7 @@ VERSION = "1"
 """Increase this if the index's content changes: existing indexes are then rebuilt."""
 SURROUNDINGS_DEG = 0.012
 """Margin around a tile, so that its sites equal those of a larger map (over a kilometre; chosen)."""
-TOLD_EVERY, _BYTES_OF_ELEMENT = 10_000, 60
+REPORTED_EVERY, _BYTES_OF_ELEMENT = 10_000, 60
 """Elements between two reports, and the file size of a stored element, for the progress share (measured)."""
 _TIMESTAMP = "osmosis_replication_timestamp"
 """The header's field for the time of the data."""
@@ -90,7 +90,7 @@ def index_extract(request: IndexExtractRequest, report: ProgressReporter) -> Ind
 
 def _begun(index: Path) -> TileStore:
     """Return the unfinished index; start again if it is damaged or from another version of this program."""
-    if index.exists() and not _can_go_on(index):
+    if index.exists() and not _is_resumable(index):
         for leftover in index.parent.glob(f"{index.name}*"):
             leftover.unlink()
     store = TileStore(index, writable=True)
@@ -98,7 +98,7 @@ def _begun(index: Path) -> TileStore:
     return store
 
 
-def _can_go_on(index: Path) -> bool:
+def _is_resumable(index: Path) -> bool:
     """Return whether an index is of this version and, if complete, undamaged.
 
     Raises:
@@ -154,7 +154,7 @@ def _stage(path: Path, folder: Path, store: TileStore, report: ProgressReporter)
                     store.index_staged()
                     is_indexed = True
                 store.stage_relation(relation)
-            if (nodes + ways) % TOLD_EVERY == 0:
+            if (nodes + ways) % REPORTED_EVERY == 0:
                 share = (nodes + ways) * _BYTES_OF_ELEMENT / path.stat().st_size
                 report(0.4 * min(share, 1.0), f"reading the extract: {nodes + ways:,} elements")
                 give_pages_back(positions)

@@ -279,7 +279,7 @@ class TileStore:
         return [row[0] for row in rows]
 
     def counts(self) -> dict[str, int]:
-        """Count tiles, places and road names."""
+        """Return the numbers of tiles, places and road names."""
         of = {"tiles": "tiles", "places": "places", "road_names": "(SELECT DISTINCT name FROM road_names)"}
         return {
             name: int(self._database.execute(f"SELECT COUNT(*) FROM {table}").fetchone()[0])  # noqa: S608 - fixed names
@@ -291,12 +291,12 @@ class TileStore:
         return int(self._database.execute("SELECT COALESCE(SUM(nodes), 0) FROM tiles").fetchone()[0])
 
     def site_counts(self) -> dict[SiteType, int]:
-        """Count the sites of each kind."""
+        """Return the number of sites of each kind."""
         rows = self._database.execute("SELECT kind, COUNT(*) FROM sites GROUP BY kind ORDER BY kind")
         return {kind: int(count) for kind, count in rows}
 
     def places_called(self, keys: Iterable[str]) -> list[str]:
-        """Return the places with one of the names, larger ones first, as they were added."""
+        """Return the places with one of the names, larger places first, as they were added."""
         wanted = sorted(set(keys))
         holes = ", ".join("?" * len(wanted))
         query = (
@@ -403,7 +403,7 @@ class TileStore:
 
 
 def _tiles_along(places: Sequence[tuple[int, int]]) -> set[int]:
-    """Return the tiles on a line of (latitude, longitude) in units, and those whose corners it cuts."""
+    """Return the tiles on a line of (latitude, longitude) in units, and those that it cuts at a corner."""
     tiles = [tile_of(y / _UNITS_PER_DEG, x / _UNITS_PER_DEG) for y, x in places]
     found = set(tiles)
     for number, (one, other) in enumerate(pairwise(tiles)):
@@ -422,7 +422,7 @@ def _node_body(node: OsmNode) -> bytes:
 
 
 def _way_body(way: OsmWay, places: Sequence[tuple[int, int]]) -> bytes:
-    """Pack the number of nodes, their ids, their places, and the tags."""
+    """Return the number of nodes, their ids, their places, and the tags, packed as bytes."""
     flat = array("i", (side for place in places for side in place))
     numbers = array("q", (len(way.node_ids), *way.node_ids)).tobytes() + flat.tobytes()
     return numbers + json.dumps(dict(way.tags)).encode()

@@ -200,7 +200,7 @@ def _cubic(row: list[float], at: float) -> tuple[float, float]:
 
 
 def _connect_directly(name: str, root: etree._Element, junction: etree._Element) -> None:
-    """Rewrite a direct junction as a common one: each of its links becomes a very short connecting road."""
+    """Rewrite a direct junction as a common junction: each of its links becomes a very short connecting road."""
     roads = {road.get("id", ""): road for road in root.iterfind("road")}
     key = junction.get("id", "")
     junction.attrib.pop("type")
@@ -236,7 +236,7 @@ class _Arm:
     at_start: bool
 
     def leads_in(self, lane: int) -> bool:
-        """Return whether a lane leads into the junction: right lanes lead to a road's end, left ones to its start."""
+        """Return whether a lane leads into the junction: right lanes lead to a road's end, left lanes to its start."""
         return (lane > 0) == self.at_start
 
     def width_m(self, lane: int) -> float:

@@ -96,7 +96,7 @@ class _Plane:
 
     @cached_property
     def same(self) -> dict[int, int]:
-        """Map each node to the first one at its position; some programs write a node for every line that ends there."""
+        """The id of the first node at each node's position, by id; some programs write a node for every line's end."""
         first: dict[tuple[int, int], int] = {}
         return {
             key: first.setdefault((round(x / SAME_PLACE_M), round(y / SAME_PLACE_M)), key)
@@ -255,7 +255,7 @@ def users_of(tags: Mapping[str, str]) -> tuple[str, ...]:
     """Return CommonRoad's users of a lanelet with these tags.
 
     As in Lanelet2's traffic rules, the subtype decides if there is no tag ``participant:…``. Otherwise a participant
-    may use the lanelet if the longest matching tag allows it, and all others may not.
+    may use the lanelet if the longest matching tag allows it, and no other participant may.
     """
     overrides = {key.removeprefix(PARTICIPANT): value for key, value in tags.items() if key.startswith(PARTICIPANT)}
     if not overrides:

@@ -105,7 +105,7 @@ def write_network(source: Path, target: Path) -> tuple[str, ...]:
     loaded = read_scenario(source)
     document = ScenarioDocument.read(source)
     root = document.root
-    left_out = [f"{len(loaded.tracks)} recorded road users"] if loaded.tracks else []
+    left_out = [counted(len(loaded.tracks), "recorded road user")] if loaded.tracks else []
     if document.is_2018b:
         left_out.append(_replace_limits_by_signs(root, parse_benchmark_id(loaded.benchmark_id)[0]))
     step_s = loaded.step_s

@@ -122,7 +122,7 @@ def _is_road(edge: NetEdge, net: SumoNet) -> bool:
 
 
 def _roads(edges: list[NetEdge]) -> list[tuple[NetEdge, NetEdge | None]]:
-    """Pair each edge with an unpaired edge in the opposite direction between the same junctions, if there is one."""
+    """Return each edge with an edge in the opposite direction between the same junctions, or None if there is none."""
     waiting: dict[tuple[str, str], list[NetEdge]] = {}
     for edge in edges:
         waiting.setdefault((edge.from_junction, edge.to_junction), []).append(edge)

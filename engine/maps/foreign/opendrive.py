@@ -57,12 +57,12 @@ def convert_opendrive(source: Path, target: Path, scratch: Path) -> tuple[str, .
     if friction is None and frictions - {None}:
         lost.append(_LOST_FRICTION)
     reference = root.find("header/geoReference")
-    said = "" if reference is None else " ".join(_VERTICAL.sub("", reference.text or "").split())
-    located = PROJECTION.fullmatch(said) is not None and "+proj=" in said
+    text = "" if reference is None else " ".join(_VERTICAL.sub("", reference.text or "").split())
+    located = PROJECTION.fullmatch(text) is not None and "+proj=" in text
     if reference is not None:
         reference.clear()
         if located:
-            reference.text = etree.CDATA(said)
+            reference.text = etree.CDATA(text)
         else:
             root.find("header").remove(reference)  # type: ignore[union-attr]  # it was found there
     cleaned = scratch / "cleaned.xodr"

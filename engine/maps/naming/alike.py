@@ -9,6 +9,7 @@ from .spellings import (
     MOST_KEPT,
     always_says_kind,
     distinctive,
+    is_only_a_kind,
     kinds_of_road,
     road_readings,
     without_particles,
@@ -47,6 +48,12 @@ _LONGEST_SHORT = 5
 are no longer; 98 consist of letters of their words in the same order.
 """
 _ROMAN = re.compile("x{0,3}(?:ix|iv|v?i{0,3})")
+_LONGEST_ENDING = 4
+"""Maximum number of letters in which the forms of a word differ at its end.
+
+Of the forms of adjectives in ``-ский`` and ``-ska``, from which most names of streets in Slavic languages are made, no
+ending has more letters in Latin letters.
+"""
 SHORTEST_BEGUN = 3
 """Minimum number of letters for the beginning of a name (chosen)."""
 
@@ -83,6 +90,37 @@ def is_with_kind(typed: str, name: str) -> bool:
         return False
     whole = {distinctive(reading) for reading in road_readings(name)} - {frozenset()}
     return any(distinctive(reading) in whole for reading in road_readings(typed))
+
+
+def is_inflected(typed: str, name: str) -> bool:
+    """Return whether the typed text has a name's words in other grammatical forms (``Marszałkowskiej``: ``...ska``).
+
+    The words differ at most in their last letters. The text may lack a word for the kind of road. Ordinary words have
+    these forms, too, so this alone does not identify a name.
+    """
+    words, held = words_of_name(typed), list(words_of_name(name))
+    for word in sorted(words, key=len, reverse=True):
+        other = next((one for one in held if _is_other_form(word, one)), None)
+        if other is None:
+            return False
+        held.remove(other)
+    return not held or is_only_a_kind(" ".join(held))
+
+
+def beginning(word: str) -> str:
+    """Return the first letters of a word, which all of its grammatical forms share."""
+    return word[:SHORTEST_BEGUN]
+
+
+def _is_other_form(one: str, other: str) -> bool:
+    """Return whether two words are equal, or differ only in at most ``_LONGEST_ENDING`` last letters.
+
+    More letters than differ must be common, or the whole of a short word (``út``: ``úton``).
+    """
+    common = next((index for index, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), None)
+    common = min(len(one), len(other)) if common is None else common
+    ending = max(len(one), len(other)) - common
+    return ending <= _LONGEST_ENDING and (common >= max(ending + 1, SHORTEST_BEGUN) or common == len(other) > 1)
 
 
 def _shortens(short: str, word: str) -> bool:

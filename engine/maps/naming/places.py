@@ -26,7 +26,7 @@ _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ø": "oe", "å": 
 
 
 def fold(text: str) -> str:
-    """Reduce a text to lower-case letters and digits without accents."""
+    """Return a text in lower-case letters and digits without accents."""
     plain = unicodedata.normalize("NFKD", text.casefold().replace("ß", "ss").replace("ø", "o").replace("æ", "ae"))
     return "".join(letter for letter in plain if letter.isalnum())
 
@@ -52,7 +52,7 @@ def _codes() -> dict[str, str]:
 
 @lru_cache(maxsize=50_000)
 def latin(text: str) -> str:
-    """Transliterate a text to Latin letters and digits, without accents or digraphs for umlauts."""
+    """Return a text in Latin letters and digits, without accents or digraphs for umlauts."""
     folded = fold(text)
     if not folded.isascii():
         from anyascii import anyascii

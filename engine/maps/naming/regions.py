@@ -19,7 +19,7 @@ _FILE = Path(__file__).parent / "regions.json.gz"
 _DOUBT = 2.0
 """A state is possible if its nearest town is at most this many times as far as the nearest town.
 
-Of 2,994 smaller towns of GeoNames that are not in the table, 98.6 % are in a possible state, and 81 % have a single
+Of 2,994 smaller towns of GeoNames that are not in the table, 98.6% are in a possible state, and 81% have a single
 one.
 """
 Position = tuple[float, float]

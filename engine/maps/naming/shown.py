@@ -1,14 +1,15 @@
 """Finds the places in an OpenStreetMap extract: settlements, their parts, addresses, administrative areas."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from ....schemas.generation import PlaceArea
+from ....schemas.maps import Box
 from ..osm import OsmMap, ground_distance_m
-from .gazetteer import settlements_called
+from .gazetteer import Settlement, settlement_around, settlements_called
 from .places import fold
-from .tags import CITY_PEOPLE, MOST_NAMES, PLACE_KINDS, TOWN_PEOPLE, place_names_of
+from .tags import CITY_PEOPLE, MOST_NAMES, PLACE_KINDS, SETTLEMENTS, TOWN_PEOPLE, place_names_of
 
 _PART_RANKS = range(PLACE_KINDS.index("suburb"), PLACE_KINDS.index("hamlet"))
 """Kinds of parts of a settlement; the settlement has its middle in one of them."""
@@ -67,7 +68,7 @@ class _Outline:
 
     @property
     def own_names(self) -> tuple[str, ...]:
-        """All names, starting with the one in the local language."""
+        """All names, starting with the name in the local language."""
         return tuple(dict.fromkeys((*filter(None, (self.tags.get("name", "").strip(),)), *self.names)))
 
     @property
@@ -81,32 +82,63 @@ def places_shown(osm: OsmMap) -> list[str]:
     """Return the names of the places on a map, most important first, each once.
 
     Importance is decided by the kind of place, then by its inhabitants, then by its area. A settlement known only from
-    addresses has the importance that GeoNames gives it. Parts of settlements in addresses and administrative areas
-    follow.
+    addresses, or shown only as a part of another one, has the importance that GeoNames gives it. If it is too far away
+    for the map to be in it, the settlements on the map come first. Parts of settlements in addresses and administrative
+    areas follow. A map that shows only parts of a settlement is called by the one that GeoNames has around it.
     """
     outlines = _outlines(osm)
-    ranked = [(one.rank, -one.people, -(one.reach_m or 0.0), one.own_names) for one in outlines]
-    known = {fold(name) for one in outlines for name in one.names}
-    towns, parts = _addressed(osm, _TOWN_KEYS), _addressed(osm, _PART_KEYS)
     middle = (osm.bounds[0] + osm.bounds[2]) / 2, (osm.bounds[1] + osm.bounds[3]) / 2
-    for town in [town for town in towns if fold(town) not in known][:_LOOKED_UP]:
+    ranked = [(one.rank + 0.0, -one.people, False, -(one.reach_m or 0.0), one.own_names) for one in outlines]
+    is_settled = any(one.tags["place"] in SETTLEMENTS for one in outlines)
+    known = {fold(name) for one in outlines for name in one.names}
+    of_settlements = {fold(name) for one in outlines if one.tags["place"] in SETTLEMENTS for name in one.names}
+    towns, parts = _addressed(osm, _TOWN_KEYS), _addressed(osm, _PART_KEYS)
+    for town in [town for town in towns if fold(town) not in of_settlements][:_LOOKED_UP]:
         near = [
             one
             for one in settlements_called(town)
             if ground_distance_m(middle, (one.latitude, one.longitude)) < _SAME_M
         ]
-        if any(not known.isdisjoint(map(fold, one.names)) for one in near):
+        if not of_settlements.isdisjoint(fold(name) for one in near for name in one.names):
             continue  # the map has it under another name
+        if not near and fold(town) in known:
+            continue
         people = max((one.population for one in near), default=0)
-        kind = "city" if people >= CITY_PEOPLE else "town" if people >= TOWN_PEOPLE else "village"
-        ranked.append((PLACE_KINDS.index(kind), -people, 0.0, (town,)))
-        known |= {fold(name) for one in near for name in one.names}
+        ranked.append((_rank_of_addressed(near, middle, osm.bounds), -people, True, 0.0, (town,)))
+        of_settlements |= {fold(name) for one in near for name in one.names}
     ranked.sort()
+    if not towns and not is_settled and any(one.rank in _PART_RANKS for one in outlines):
+        around = settlement_around(middle, beyond_m=USUAL_RADIUS_M["suburb"])
+        ranked[:0] = [] if around is None else [(0.0, 0, True, 0.0, (around.name,))]
     names = [names[0] for *_, names in ranked] + [name for *_, names in ranked for name in names[1:3]]
     shown: dict[str, str] = {}
     for name in (*names[:MOST_PLACES], *towns, *parts, *_districts(osm)):
         shown.setdefault(fold(name), name)
     return list(shown.values())
+
+
+def _rank_of_addressed(near: Sequence[Settlement], middle: Position, bounds: Box) -> float:
+    """Return the rank in ``PLACE_KINDS`` of a town in addresses, from GeoNames entries of its name near the map.
+
+    A town with only its outskirts on the map comes after the map's own towns, and a town farther away comes after its
+    villages: addresses also name post towns, municipalities and provinces.
+    """
+    people = max((one.population for one in near), default=0)
+    rank = PLACE_KINDS.index("city" if people >= CITY_PEOPLE else "town" if people >= TOWN_PEOPLE else "village")
+    if not near or any(_is_on(bounds, one) or _is_within(middle, one, wide=False) for one in near):
+        return rank
+    is_outskirt = any(_is_within(middle, one, wide=True) for one in near)
+    return max(rank, PLACE_KINDS.index("town" if is_outskirt else "village") + 0.5)
+
+
+def _is_within(position: Position, settlement: Settlement, *, wide: bool) -> bool:
+    away_m = ground_distance_m(position, (settlement.latitude, settlement.longitude))
+    return away_m <= settlement.reach_m(wide=wide)
+
+
+def _is_on(bounds: Box, settlement: Settlement) -> bool:
+    south, west, north, east = bounds
+    return south <= settlement.latitude <= north and west <= settlement.longitude <= east
 
 
 def _addressed(osm: OsmMap, keys: tuple[str, ...]) -> list[str]:

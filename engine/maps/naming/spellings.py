@@ -8,6 +8,7 @@ order.
 import gzip
 import json
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from functools import cache, lru_cache
 from itertools import islice, product
@@ -200,7 +201,7 @@ def words_for_crossings() -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 @cache
 def _endings() -> dict[str, str]:
-    """Return the word endings that mean a kind of road (``Hauptstr``, ``Storgatan``), longest first."""
+    """Return the kind of road that each word ending means (``Hauptstr``, ``Storgatan``), longest ending first."""
     meant: dict[str, str] = {}
     for kind, spellings in _table()["suffixes"].items():
         kinds = [word for word in _meanings().get(kind, ()) if word in _KINDS]
@@ -244,7 +245,7 @@ def _meanings() -> dict[str, tuple[str, ...]]:
 
 @lru_cache(maxsize=MOST_KEPT)
 def road_readings(name: str) -> frozenset[frozenset[str]]:
-    """Return what the words of a road name may mean, as sets of words; empty for a name without letters and digits."""
+    """Return the possible readings of a road name, as sets of words; empty for a name without letters and digits."""
     readings = [_chinese(name)] if _chinese(name) else []
     words = [word for word in map(latin, _split(name)) if word]
     choices = [list(_word_readings(word)) for word in words]
@@ -266,9 +267,30 @@ def _without_repeated_kinds(readings: list[list[str]]) -> list[list[str]]:
 @lru_cache(maxsize=MOST_KEPT)
 def road_keys(name: str) -> frozenset[str]:
     """Return the keys of a road name; two names are spellings of one road if they share a key."""
-    keys = {" ".join(sorted(reading - _PARTICLES or reading)) for reading in road_readings(name)}
+    keys = {" ".join(sorted(_without_particles(reading))) for reading in road_readings(name)}
     joined = {fold(name), latin(name), *("".join(key.split()) for key in keys)}
     return frozenset(key for key in keys | joined | _number_keys(name) if key)
+
+
+def _without_particles(reading: frozenset[str]) -> frozenset[str]:
+    """Return the words without particles; a letter is a name if only a kind of road is left (``Rua D``)."""
+    rest = reading - _PARTICLES
+    letters = frozenset(word for word in reading if len(word) == 1)
+    return (rest | letters if rest <= _KINDS else rest) or reading
+
+
+def has_same_numbers(one: str, other: str) -> bool:
+    """Return True if two names differ at most in how they write numbers (``Primeiro de Maio``, ``1º de Maio``)."""
+    words = [Counter(words_of_name(_ORDINAL_MARK.sub("", name))) for name in (one, other)]
+    left = list((words[0] - words[1]).elements()), list((words[1] - words[0]).elements())
+    numbers = [[_numbers_meant(word) for word in each] for each in left]
+    return len(left[0]) == len(left[1]) <= 1 and all(
+        not first.isdisjoint(second) for first, second in zip(*numbers, strict=True)
+    )
+
+
+def _numbers_meant(word: str) -> frozenset[str]:
+    return frozenset(one for reading in _word_readings(word) for one in reading if one.isdecimal())
 
 
 @lru_cache(maxsize=MOST_KEPT)

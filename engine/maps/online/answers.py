@@ -40,7 +40,7 @@ class KeptAnswer(Generic[_Read]):
 class AnswerCache:
     """A folder of answers, one file each, written completely or not at all.
 
-    If the answers together exceed ``most_mb``, the least recently used ones are removed.
+    If the answers together exceed ``most_mb``, the least recently used answers are removed.
     """
 
     def __init__(self, folder: Path, most_mb: int, most_days: float) -> None:

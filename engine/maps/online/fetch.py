@@ -90,7 +90,7 @@ def fetch_maps(request: FetchMapRequest, report: ProgressReporter) -> FetchedMap
     search = _Area(request, client)
     fetched: list[FetchedMap] = []
     troubles: list[str] = []
-    held: set[SiteType] = set()
+    available: set[SiteType] = set()
     sites, has_roads = 0, False
     for number, core in enumerate(islice(search.cores(), MOST_TRIES + 2 * min(request.count, MOST_MAPS) - 2)):
         query = map_query(request, core)
@@ -103,7 +103,7 @@ def fetch_maps(request: FetchMapRequest, report: ProgressReporter) -> FetchedMap
         path = Path(request.folder) / f"{_file_stem(search.name)}_{number}.osm"
         write_osm(answered.answer["elements"], widened(core, margin_m(request.scenario_type)), path)
         found = _sites_inside(path, core, request)
-        held |= set(found)
+        available |= set(found)
         here = sum(found.values()) if request.scenario_type == "any" else found.get(request.scenario_type, 0)
         if here:
             sites += here
@@ -111,7 +111,7 @@ def fetch_maps(request: FetchMapRequest, report: ProgressReporter) -> FetchedMap
         if sites >= request.count:
             break
     if not fetched:
-        raise _no_site_error(request, search.name, sorted(held), has_roads=has_roads)
+        raise _no_site_error(request, search.name, sorted(available), has_roads=has_roads)
     return FetchedMaps(maps=tuple(fetched), notes=tuple(dict.fromkeys((*troubles, *search.notes))))
 
 
@@ -153,7 +153,7 @@ class _Area:
 
     @property
     def _hinted(self) -> bool:
-        """Return whether the requested road is unknown to Nominatim in the requested settlement."""
+        """Whether the requested road is unknown to Nominatim in the requested settlement."""
         return self._place is not None and self._place.is_settlement and bool(self._place.roads)
 
     def _whole(self) -> Box:
@@ -173,7 +173,7 @@ class _Area:
     def _about(self, spots: Sequence[Spot]) -> Iterator[Box]:
         """Yield a core around each candidate, without overlaps, together with the neighbours that fit into it.
 
-        The boxes suffice for the requested scenarios, and for some that replace failed ones.
+        The boxes suffice for the requested scenarios, and for a few that replace failed scenarios.
         """
         used: list[Box] = []
         for spot in spots:
@@ -311,7 +311,7 @@ def _around_both(one: Box, other: Box) -> Box:
 
 
 def _bounded(box: Box, middle: Spot) -> Box:
-    """Return the part of a box that is searched: at most MOST_SEARCHED_M wide and high, around the middle."""
+    """Return the part of a box that is searched: around ``middle``, at most ``MOST_SEARCHED_M`` wide and high."""
     around = _about_spot(middle, MOST_SEARCHED_M / 2)
     return max(box[0], around[0]), max(box[1], around[1]), min(box[2], around[2]), min(box[3], around[3])
 
@@ -373,13 +373,13 @@ def _facts_of_roads(found: Sequence[Mapping[str, Any]]) -> MapFacts:
 
 
 def _sites_inside(path: Path, core: Box, request: FetchMapRequest) -> Mapping[SiteType, int]:
-    """Count the sites of each type that the map has inside the core."""
+    """Return the number of sites of each type that the map has inside the core."""
     finder = SiteFinder(read_map_file(path), request.road_classes)
     kinds: tuple[SiteType, ...] = get_args(SiteType)
     found = {kind: sum(_is_in(site.position, core) for site in finder.find(kind)) for kind in kinds}
-    held: dict[SiteType, int] = {kind: count for kind, count in found.items() if count}
-    longest = finder.longest_road() if not held and request.scenario_type == "any" else None
-    return {longest.kind: 1} if longest is not None and _is_in(longest.position, core) else held
+    inside: dict[SiteType, int] = {kind: count for kind, count in found.items() if count}
+    longest = finder.longest_road() if not inside and request.scenario_type == "any" else None
+    return {longest.kind: 1} if longest is not None and _is_in(longest.position, core) else inside
 
 
 def _fetched(request: FetchMapRequest, path: Path, core: Box, query: str, answered: Answered[MapData]) -> FetchedMap:
@@ -403,7 +403,7 @@ def _fetched(request: FetchMapRequest, path: Path, core: Box, query: str, answer
 
 
 def _town_of(place: NamedPlace) -> str:
-    """Return a name for the map of a place: that of its settlement if known, otherwise the place's own."""
+    """Return a name for the map of a place: its settlement's name if known, otherwise the place's own name."""
     return place.name if place.is_settlement or not place.around else place.around[0]
 
 

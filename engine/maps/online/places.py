@@ -1,6 +1,7 @@
 """Resolves the name of a place: asks Nominatim, and decides which of its results the user means.
 
-Nominatim knows settlements, roads and sights, but no intersections. They are found where the courses of roads meet.
+Nominatim knows settlements, roads and sights, but no intersections. An intersection is found where the lines of its
+roads meet.
 """
 
 import math
@@ -194,7 +195,7 @@ def _label(name: str, address: Mapping[str, Any]) -> str:
 
 
 def _lines(shape: Mapping[str, Any]) -> tuple[tuple[tuple[float, float], ...], ...]:
-    """Return the courses in a GeoJSON shape, as (latitude, longitude)."""
+    """Return the lines of a GeoJSON shape, each as points (latitude, longitude) in degrees."""
     coordinates = shape.get("coordinates", [])
     kind = shape.get("type")
     lines = [coordinates] if kind == "LineString" else coordinates if kind in ("MultiLineString", "Polygon") else []
@@ -202,7 +203,7 @@ def _lines(shape: Mapping[str, Any]) -> tuple[tuple[tuple[float, float], ...], .
 
 
 def _pieces_joined(found: Iterable[NamedPlace]) -> list[NamedPlace]:
-    """Merge the ways of one road among the results; OpenStreetMap splits a road wherever something changes."""
+    """Return the results with the ways of one road merged; OpenStreetMap splits a road wherever something changes."""
     joined: list[NamedPlace] = []
     for place in found:
         same = next((index for index, other in enumerate(joined) if place.lines and _is_piece(place, other)), None)
@@ -283,8 +284,8 @@ def _crossing(one: NamedPlace, other: NamedPlace) -> NamedPlace | None:
         )
 
     here, there = (point for point in nearest_points(drawn(one), drawn(other)))
-    spot, beside = (here.y, here.x / narrow), (there.y, there.x / narrow)
-    if ground_distance_m(spot, beside) > CROSSING_M:
+    spot, other_spot = (here.y, here.x / narrow), (there.y, there.x / narrow)
+    if ground_distance_m(spot, other_spot) > CROSSING_M:
         return None
     name = f"{one.name} / {other.name}"
     return one.model_copy(

@@ -82,8 +82,8 @@ class Answered(Generic[_Read]):
 class _Question(Generic[_Read]):
     """A question to services of one kind, at their addresses.
 
-    ``ask`` sends it to the service at an address. ``read`` reads the answer or raises ``NotReadable``. ``holds``
-    returns whether an answer is not empty.
+    ``ask`` sends it to the service at an address. ``read`` reads the answer or raises ``NotReadable``.
+    ``is_sufficient`` returns whether an answer is not empty.
     """
 
     text: str
@@ -91,7 +91,7 @@ class _Question(Generic[_Read]):
     urls: Sequence[str]
     ask: Callable[[str], object]
     read: Callable[[object], _Read]
-    holds: Callable[[_Read], bool]
+    is_sufficient: Callable[[_Read], bool]
 
 
 @dataclass
@@ -100,7 +100,7 @@ class _Guard:
 
     hosts: tuple[str, ...]
     deadline: float
-    tell: Callable[[int], None]
+    report_size: Callable[[int], None]
     status_reads: int = field(default=0)
 
     def __call__(self, response: Any, *unused: object, **options: object) -> None:
@@ -164,7 +164,7 @@ class _Guard:
                 if time.monotonic() > self.deadline:
                     raise Trouble("sends too slowly", again=False)
                 parts.append(part)
-                self.tell(size)
+                self.report_size(size)
         except (HTTPError, RequestException, OSError) as error:
             raise Trouble("broke off in the middle of its answer", again=True) from error
         finally:
@@ -208,7 +208,7 @@ class ServiceClient:
     def __init__(self, services: MapServices, report: ProgressReporter) -> None:
         self._services, self._report, self._share = services, report, 0.05
         self._cache = AnswerCache(Path(services.cache), services.cache_mb, services.cache_days)
-        self._told_bytes = 0
+        self._reported_bytes = 0
         self._give_up_at = time.monotonic() + MOST_SECONDS
 
     def search(self, parameters: Mapping[str, int | str]) -> Answered[list[Finding]]:
@@ -228,7 +228,7 @@ class ServiceClient:
             return _nominatim._nominatim_request(OrderedDict(sorted(parameters.items())))
 
         question = f"nominatim {base} {query}"
-        return self._ask(_Question(question, "Nominatim", (base,), ask, read_findings, holds=bool))
+        return self._ask(_Question(question, "Nominatim", (base,), ask, read_findings, is_sufficient=bool))
 
     def query(self, text: str) -> Answered[MapData]:
         """Return the JSON answer of the first available Overpass service to a query in its language.
@@ -250,7 +250,7 @@ class ServiceClient:
     def _ask(self, question: "_Question[_Read]") -> "Answered[_Read]":
         asks_none = self._services.mode == "cache"
         kept = self._cached(question, however_old=asks_none)
-        fresh = kept is not None and (asks_none or question.holds(kept.answer) or kept.age_s < EMPTY_KEPT_S)
+        fresh = kept is not None and (asks_none or question.is_sufficient(kept.answer) or kept.age_s < EMPTY_KEPT_S)
         if kept is not None and fresh:
             return Answered(kept.answer, kept.service, kept=True)
         if self._services.mode != "online":
@@ -290,13 +290,13 @@ class ServiceClient:
             if time.monotonic() > self._give_up_at:
                 troubles.append(f"{host} was not tried after the limit of {MOST_SECONDS:g} s")
                 break
-            self._tell(f"asking {host}")
+            self._report_step(f"asking {host}")
             try:
                 found = Answered(self._patiently(url, question), host, kept=False)
             except Trouble as trouble:
                 troubles.append(f"{host} {trouble}")
                 continue
-            if question.holds(found.answer):
+            if question.is_sufficient(found.answer):
                 return _with(found, troubles), troubles
             if empty is not None:
                 break
@@ -315,14 +315,14 @@ class ServiceClient:
         def is_worth_it(raised: BaseException) -> bool:
             return isinstance(raised, Trouble) and raised.again and (raised.wait_s or 0.0) <= MOST_WAIT_S
 
-        def tell(state: RetryCallState) -> None:
-            self._tell(f"{_host_of(url)}: asking again in {wait_s(state):.0f} s")
+        def report_retry(state: RetryCallState) -> None:
+            self._report_step(f"{_host_of(url)}: asking again in {wait_s(state):.0f} s")
 
         again = Retrying(
             stop=stop_after_attempt(ATTEMPTS),
             retry=retry_if_exception(is_worth_it),
             wait=wait_s,
-            before_sleep=tell,
+            before_sleep=report_retry,
             reraise=True,
         )
         answer: _Read = again(self._once, url, question)
@@ -330,28 +330,28 @@ class ServiceClient:
 
     def _once(self, url: str, question: "_Question[_Read]") -> _Read:
         _check_reachable(url)
-        with _osmnx_set_up(self._services, url, self._tell_size), self._turn(_host_of(url)):
+        with _osmnx_set_up(self._services, url, self._report_size), self._turn(_host_of(url)):
             return _answer_of(question, url)
 
-    def _tell_size(self, size: int) -> None:
-        if size >= self._told_bytes + _MIB or size < self._told_bytes:
-            self._told_bytes = size
-            self._tell(f"{size / _MIB:.1f} MB read")
+    def _report_size(self, size: int) -> None:
+        if size >= self._reported_bytes + _MIB or size < self._reported_bytes:
+            self._reported_bytes = size
+            self._report_step(f"{size / _MIB:.1f} MB read")
 
-    def _tell(self, message: str) -> None:
+    def _report_step(self, message: str) -> None:
         """Report the current step; the total is unknown, so the progress grows a little each time."""
         self._share += 0.05 * (_MOST_SHARE - self._share)
         self._report(self._share, message)
 
     def _overpass(self, url: str, text: str) -> object:
-        """Send one request to one Overpass service, once it has a free slot."""
+        """Send one request to one Overpass service, once it has a free slot, and return the answer."""
         from osmnx import _overpass, settings
 
         pause_s: float = _overpass._get_overpass_pause(url, default_pause=_UNKNOWN_PAUSE)
         if pause_s > MOST_WAIT_S:
             raise Trouble(f"has no slot free for {pause_s:.0f} s")
         if pause_s > 0:
-            self._tell(f"{_host_of(url)} has a slot in {pause_s:.0f} s")
+            self._report_step(f"{_host_of(url)} has a slot in {pause_s:.0f} s")
             time.sleep(pause_s)
         settings.overpass_rate_limit = False  # its status was just checked; osmnx waits 60 s for an unknown one
         answer = _overpass._overpass_request(OrderedDict(data=text))
@@ -391,10 +391,11 @@ def _host_of(url: str) -> str:
 
 
 @contextmanager
-def _osmnx_set_up(services: MapServices, url: str, tell: Callable[[int], None]) -> Iterator[None]:
+def _osmnx_set_up(services: MapServices, url: str, report_size: Callable[[int], None]) -> Iterator[None]:
     """Apply these settings to osmnx for one service; restore osmnx's own settings afterwards."""
     from osmnx import settings
 
+    deadline = time.monotonic() + services.timeout_s + CONNECT_S
     ours = {
         "nominatim_url": url,
         "overpass_url": url,
@@ -409,7 +410,7 @@ def _osmnx_set_up(services: MapServices, url: str, tell: Callable[[int], None]) 
         "requests_kwargs": {
             "allow_redirects": False,
             "stream": True,
-            "hooks": {"response": _Guard((_host_of(url),), time.monotonic() + services.timeout_s + CONNECT_S, tell)},
+            "hooks": {"response": _Guard((_host_of(url),), deadline, report_size)},
         },
     }
     before = {name: getattr(settings, name) for name in ours}

@@ -36,7 +36,7 @@ _FOR_ONE: Mapping[str, RoadUser] = {"bus": "bus", "psv": "bus", "hgv": "truck", 
 """Values that stand for one road user and close the road to the others."""
 
 
-def _says(value: str, user: RoadUser) -> bool | None:
+def _permits(value: str, user: RoadUser) -> bool | None:
     """Return whether a tag's value opens a road to a user, or None if the value does not decide this.
 
     In a list (``agricultural;forestry``), one opening value suffices.
@@ -57,7 +57,7 @@ def is_open(tags: Tags, user: RoadUser, direction: Direction | None = None, *, o
     """Return whether tags open a way or node to a road user (in a direction); ``otherwise`` if they do not say."""
     for key in _KEYS[user]:
         for name in (f"{key}:{direction}", key) if direction else (key,):
-            if name in tags and (verdict := _says(tags[name], user)) is not None:
+            if name in tags and (verdict := _permits(tags[name], user)) is not None:
                 return verdict
     return otherwise
 
@@ -85,7 +85,7 @@ def closing_tag(tags: Tags) -> str:
     """Return the tag that closes a road to cars, as ``key=value``; empty if there is none."""
     for key in _KEYS["car"]:
         for name in (key, f"{key}:forward", f"{key}:backward"):
-            if name in tags and _says(tags[name], "car") is False:
+            if name in tags and _permits(tags[name], "car") is False:
                 return f"{name}={tags[name]}"
     return ""
 
@@ -135,14 +135,14 @@ def _users_of_lane(tags: Tags, lists: Mapping[str, list[str]], index: int, direc
         verdict = None
         for key in _KEYS[user]:
             values = lists.get(key, [])
-            verdict = _says(values[index], user) if index < len(values) and values[index] else None
+            verdict = _permits(values[index], user) if index < len(values) and values[index] else None
             if verdict is not None:
                 break
         if is_open(tags, user, direction) if verdict is None else verdict:
             users.add(user)
-    said = {key for key, values in lists.items() if index < len(values) and values[index]}
+    stated = {key for key, values in lists.items() if index < len(values) and values[index]}
     designated = any(index < len(lists.get(key, ())) and lists[key][index] == "designated" for key in ("bus", "psv"))
-    if designated and said.isdisjoint(_KEYS["car"]):
+    if designated and stated.isdisjoint(_KEYS["car"]):
         users -= {"car", "truck", "van", "motorcycle"}
     return frozenset(users)
 
@@ -169,7 +169,7 @@ def barrier_of(tags: Tags) -> str:
 
 
 def in_words(names: Iterable[str], most: int = 3) -> str:
-    """List the first names in order, each once, with the number of those left out."""
+    """Return the first names in order as text, each once, with the number of the names left out."""
     different = list(dict.fromkeys(names))
     more = f" and {len(different) - most} more" if len(different) > most else ""
     return ", ".join(different[:most]) + more

@@ -130,8 +130,8 @@ def _is_placed(tags: Tags, oneway: int, count: int) -> bool:
     keys = [key for key in tags if key.partition(":")[0] == "placement"]
     if not keys:
         return True
-    said = re.fullmatch(r"(?:left_of|middle_of|right_of):(\d{1,2})", tags.get("placement", ""))
-    return oneway == 1 and keys == ["placement"] and said is not None and 1 <= int(said[1]) <= count
+    placement = re.fullmatch(r"(?:left_of|middle_of|right_of):(\d{1,2})", tags.get("placement", ""))
+    return oneway == 1 and keys == ["placement"] and placement is not None and 1 <= int(placement[1]) <= count
 
 
 def _trimmed(side: Side) -> Side:
@@ -142,7 +142,7 @@ def _trimmed(side: Side) -> Side:
 
 
 def _shared_out(forward: Side, backward: Side, total: int | None, middle: int) -> tuple[Side, Side, list[str]]:
-    """Derive the lane counts of the two directions from the tagged counts: total, forward, backward, middle."""
+    """Return the two directions with lane counts derived from the tagged counts, and the codes of notes."""
     if total is None:
         return forward, backward, []
     through = max(total - middle, 0)
@@ -235,7 +235,7 @@ def _metres(text: str) -> float | None:
 def arrows(turns: Sequence[str]) -> tuple[str, ...]:
     """Return the directions of lanes, left to right.
 
-    Lanes without arrows lead straight on; the outer ones also lead to their side.
+    Lanes without arrows lead straight on; the outer lanes also lead to their side.
 
     A lane next to a right arrow leads to the right only if it has an arrow to the right, or if no other lane does.
     """

@@ -34,7 +34,7 @@ _SLOW_MOTORWAY_KMH = 90.0
 
 @dataclass(frozen=True)
 class LegalLimit:
-    """A limit in km/h, the kind of road that it applies to, and the code of the country or state whose law it is.
+    """A limit in km/h, the kind of road that it applies to, and the code of the country or state with this law.
 
     ``is_advice``: the law sets no limit, and this is the advised speed. ``states``: the number of states or provinces
     considered if their laws differ; the most frequent limit applies then. ``is_default``: the limit is that of all
@@ -50,7 +50,7 @@ class LegalLimit:
 
 
 class LegalSpeeds:
-    """The table: kinds of road by name, and the limits of each country and state (ISO 3166-1 alpha-2, ISO 3166-2)."""
+    """Legal speed limits of countries and states (ISO 3166-1 alpha-2, ISO 3166-2), with the kinds of road by name."""
 
     def __init__(
         self, kinds: Mapping[str, Sequence[str]], limits: Mapping[str, Sequence[tuple[str, Mapping[str, str]]]]
@@ -157,7 +157,7 @@ _COMPARED = frozenset({"=", "!=", "~", "!~", "<", "<=", ">", ">="})
 
 
 def parse_filter(text: str) -> _Test:
-    """Return a test of tags from a text in the table's language.
+    """Return the test of tags that a text in the table's language describes.
 
     The language has ``{kind}``, ``key``, ``!key``, ``key=value``, ``key~regex``, comparisons of numbers, ``and``,
     ``or``, and brackets.

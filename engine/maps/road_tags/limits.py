@@ -77,7 +77,7 @@ class Jurisdiction:
 
 
 def limit_of(tags: Tags, where: Jurisdiction, *, urban: bool, direction: Direction = "forward") -> Limit:
-    """Return the limit of a road in a direction, for cars."""
+    """Return the speed limit for cars on a road in the given direction."""
     unread = ""
     for key, value in _stated(tags, direction):
         kmh = _number(value)
@@ -113,7 +113,10 @@ def signed_kmh(tags: Tags) -> float | None:
 
 
 def class_limits(tags: Tags) -> dict[str, float]:
-    """Return limits in km/h only for trucks and only for buses, by OSM's key of the vehicle (``hgv``, ``bus``)."""
+    """Return the limits in km/h that apply only to trucks or only to buses, by OSM's key of the vehicle.
+
+    The keys are ``hgv`` and ``bus``.
+    """
     limits: dict[str, float] = {}
     for vehicle, keys in (("hgv", ("hgv", "goods")), ("bus", ("bus", "psv"))):
         for key in keys:
@@ -122,7 +125,7 @@ def class_limits(tags: Tags) -> dict[str, float]:
     return limits
 
 
-def says_urban(tags: Tags) -> bool | None:
+def is_tagged_urban(tags: Tags) -> bool | None:
     """Return whether a road's own tags place it in a built-up area, or None if they do not decide this."""
     for key in _IMPLICIT_KEYS:
         found = _code(tags.get(key, ""))
@@ -155,7 +158,7 @@ def _stated(tags: Tags, direction: Direction) -> Iterator[tuple[str, str]]:
 
 
 def _number(text: str) -> float | None:
-    """Return the lowest speed in a value, in km/h; None if it has no number or an implausible one."""
+    """Return the lowest speed in a value, in km/h; None if it has no number or an implausible number."""
     plain = text.partition("@")[0]
     speeds = [speed_kmh(part.strip().replace(",", ".")) for part in re.split(r"[;|/]\s*(?!h\b)", plain) if part.strip()]
     numbers = [kmh for kmh in speeds if kmh is not None and _SLOWEST_KMH <= kmh <= _FASTEST_KMH]

@@ -236,7 +236,7 @@ def cut_net(
     *,
     pavements: bool = False,
 ) -> tuple[str, ...]:
-    """Write the roads of the given classes within a circle around (latitude, longitude) as a network.
+    """Write the roads of the given classes within a circle around (latitude, longitude); return the warnings.
 
     Coordinates, junctions and traffic lights are those of the whole network. ``pavements``: True to add pavements to
     slow roads that have none, and crossings to junctions.

@@ -1,4 +1,4 @@
-"""Determines the country and state whose law applies at a position, as codes of ISO 3166."""
+"""Determines which country's and state's law applies at a position, as codes of ISO 3166."""
 
 from ..naming.places import country_name
 from ..naming.regions import regions_at

@@ -71,7 +71,7 @@ class Pavements:
         return tags | ({"sidewalk": "no", "foot": "no"} if sides == "no" else {"sidewalk": sides})
 
     def tags_of_node(self, node: OsmNode) -> Mapping[str, str]:
-        """Return a node's tags without crossings, except mid-block ones.
+        """Return a node's tags without crossings, except mid-block crossings.
 
         netconvert builds every crossing that a node marks, in addition to its own at junctions.
         """
@@ -214,7 +214,7 @@ class _FootWays:
         return STRtree(lines) if lines else None
 
     def _metres(self, node: OsmNode) -> tuple[float, float]:
-        """Return metres east and north (equirectangular: good for the size of a site)."""
+        """Return a node's position in metres east and north (equirectangular: good for the size of a site)."""
         north = math.radians(node.latitude - self._center[0]) * EARTH_RADIUS_M
         east = math.radians(math.remainder(node.longitude - self._center[1], 2 * HALF_TURN_DEG)) * EARTH_RADIUS_M
         return east * math.cos(math.radians(self._center[0])), north

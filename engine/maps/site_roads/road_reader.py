@@ -26,7 +26,7 @@ from ..road_tags.access import (
     users_of,
 )
 from ..road_tags.lanes import SHARED_LANE_M, Lanes, Side, arrows, lanes_of, mirrored, oneway_of
-from ..road_tags.limits import Jurisdiction, Limit, class_limits, conditional_limits, limit_of, says_urban
+from ..road_tags.limits import Jurisdiction, Limit, class_limits, conditional_limits, is_tagged_urban, limit_of
 from ..site_search.built_up import BuiltUp
 
 _REPLACED = ("lanes", "turn", "width", "est_width", "maxspeed", "source:maxspeed", "zone", "oneway", "busway")
@@ -52,9 +52,9 @@ _HOUSES_WITHIN_M, _LOOKED_EVERY_M, _BUILT_UP_SHARE = 100.0, 50.0, 0.2
 of its length.
 
 Measured on roads with a posted limit and no tag of a town, each judged without its own limit, on 68 maps that nothing
-was tuned on: of 1,556 with at most 60 km/h, 81 % count as roads of a town; of 468 with 70 km/h or more, 78 % do not.
-Without other roads' posted limits it is 40 % and 82 %. On the maps that the rule was tuned on, it is 97 % of 599 and
-40 % of 186.
+was tuned on: of 1,556 with at most 60 km/h, 81% count as roads of a town; of 468 with 70 km/h or more, 78% do not.
+Without other roads' posted limits it is 40% and 82%. On the maps that the rule was tuned on, it is 97% of 599 and
+40% of 186.
 """
 _TOWN_KMH, _OPEN_KMH = 60.0, 80.0
 """Posted limits of other roads up to the first speak of a town, and from the second on of open country."""
@@ -134,7 +134,7 @@ class RoadReader:
         self._reported.add("barrier", tag)
 
     def _oneway(self, way: OsmWay, name: str) -> int:
-        """Return the direction of a road according to its tags, including access in one direction only."""
+        """Return the direction of a road, as :func:`oneway_of` does; access tags may also limit it to one direction."""
         oneway = oneway_of(way.tags)
         forward, backward = users_of(way.tags, "forward"), users_of(way.tags, "backward")
         if oneway == 0 and bool(forward) != bool(backward):
@@ -165,9 +165,9 @@ class RoadReader:
 
     def is_urban(self, way: OsmWay, nodes: Sequence[OsmNode]) -> bool:
         """Return whether a road is in a built-up area: by its own tags, else by its surroundings."""
-        said = says_urban(way.tags)
-        if said is not None:
-            return said
+        tagged = is_tagged_urban(way.tags)
+        if tagged is not None:
+            return tagged
         if way.road_class in _TOWN_ROADS or way.tags.get("lit") == "yes":
             return True
         if any(way.tags.get(key) in _SIDES for key in ("sidewalk", "sidewalk:both", "sidewalk:left", "sidewalk:right")):
@@ -297,7 +297,7 @@ def _opens_to_buses(tags: Mapping[str, str]) -> bool:
 
 
 def _along(nodes: Sequence[OsmNode]) -> list[OsmNode]:
-    """Return evenly spaced points on a line without its ends, at least one."""
+    """Return evenly spaced points on a line, at least one, excluding its ends."""
     pairs = list(pairwise(nodes))
     steps = [ground_distance_m(a.position, b.position) for a, b in pairs]
     total = sum(steps)
@@ -320,7 +320,7 @@ def _lanes_of_type(way: OsmWay) -> int:
 
 @cache
 def _base_types() -> dict[str, Mapping[str, str]]:
-    """Return the attributes of SUMO's types of roads by OSM's class."""
+    """Return the attributes of SUMO's road types, by OSM road class."""
     import sumo
 
     path = Path(sumo.SUMO_HOME) / "data" / "typemap" / "osmNetconvert.typ.xml"

@@ -36,7 +36,7 @@ class BuiltUp:
         return self._shapes.any_within(self.metres(node), distance_m)
 
     def metres(self, node: OsmNode) -> tuple[float, float]:
-        """Return metres east and north of a corner of the map, or of its first road if it spans the world."""
+        """Return a node's metres east and north of a corner of the map, or of its first road if it spans the world."""
         south, west = self._origin
         north = ground_distance_m((south, west), (node.latitude, west))
         east = ground_distance_m((node.latitude, west), (node.latitude, node.longitude))
@@ -45,12 +45,12 @@ class BuiltUp:
 
     @property
     def is_mapped(self) -> bool:
-        """Return whether the map has any built-up part."""
+        """Whether the map has any built-up part."""
         return not self._shapes.is_empty
 
     @cached_property
     def is_dense(self) -> bool:
-        """Return whether junctions are as dense as in towns, or a settlement is marked, for maps with only roads."""
+        """Whether junctions are as dense as in towns, or a settlement is marked, for maps with only roads."""
         roads = self._osm.roads()
         arms = Counter(key for way in roads for key in (*way.node_ids, *way.node_ids[1:-1]))
         junctions = sum(count > 2 for count in arms.values())

@@ -1,7 +1,7 @@
 """Finds the sites on a map: its roundabouts, signalised intersections, ramps, motorways and so on.
 
 A map of any kind and size is searched in at most n log n time: ``nearness`` finds what is nearby. If hundreds of roads
-meet, or hundreds of sites share one position, only the first ones are named.
+meet, or hundreds of sites share one position, only the first roads or sites are named.
 """
 
 import math
@@ -20,8 +20,17 @@ from .rings import RING_TAGS, Rings, direction_of
 
 AHEAD_M = 25.0
 """Maximum distance of a signal from its junction: netconvert's ``tls.guess-signals.dist``."""
-SIGNAL_REACH_M = 45.0
-"""Maximum distance of a junction from its signals: on wide roads they are mapped at the stop lines (chosen)."""
+SIGNAL_REACH_M = 50.0
+"""Maximum distance of a junction from its signals: on wide roads they are mapped at the stop lines.
+
+Measured on 102 extracts: of 271 signals on one-way roads that have no tags for pedestrians or a direction and reach
+a junction within 100 m, 241 reach it within 50 m. Those that are farther away spread evenly, as crossings between
+junctions do.
+"""
+LEAST_SIGNALS_FAR = 2
+"""Minimum number of signals that lead to a junction if netconvert does not find any of them: one alone may belong to a
+crossing for pedestrians (chosen).
+"""
 LIT_WITHIN_M = 60.0
 """Maximum distance of a signalised site's middle from a junction with lights, as in the check of its network
 (chosen).
@@ -70,7 +79,7 @@ class Site:
 
     ``parts``: the spots that were merged into the site, at most ``MOST_NAMED``; the streets are those of all parts.
     ``only_passed``: the requested streets pass the site, but no part is on all of them. ``by_links``: one of the
-    streets reaches the junction only over a link road with the street's name.
+    streets reaches the junction only via a link road with the street's name.
     """
 
     kind: SiteType
@@ -84,7 +93,7 @@ class Site:
 
     @property
     def position(self) -> tuple[float, float]:
-        """Its middle as latitude and longitude in degrees."""
+        """The site's middle as latitude and longitude in degrees."""
         return self.latitude, self.longitude
 
     @property
@@ -160,14 +169,14 @@ class SiteFinder:
 
     def __init__(self, osm: OsmMap, classes: Iterable[str] = ()) -> None:
         self.osm = osm
-        asked = frozenset(classes)
-        self._classes = asked or ALL_ROADS
-        self._without_links = asked or frozenset(ROADS)
+        requested = frozenset(classes)
+        self._classes = requested or ALL_ROADS
+        self._without_links = requested or frozenset(ROADS)
         self._met: dict[int, tuple[OsmWay, ...]] = {}
         self._found: dict[SiteType, tuple[Site, ...]] = {}
 
     def find(self, kind: SiteType) -> list[Site]:
-        """Return all sites of a kind, with nearby ones merged; empty if the map has hardly any roads."""
+        """Return all sites of a kind, with nearby sites merged; empty if the map has hardly any roads."""
         if kind not in self._found:
             sites = _merged(_SPOTS[kind](self)) if self._road_m > LEAST_ROAD_M else []
             self._found[kind] = tuple(
@@ -178,23 +187,32 @@ class SiteFinder:
     def find_by_links(self, kind: SiteType) -> list[Site]:
         """Return sites of a kind that ``find`` leaves out because links belong to them.
 
-        At such a junction, a street reaches a second street over a link with its name; if it is signalised, the network
-        decides whether it gets lights. At such a roundabout, the ring is made of links, or links with a street's name
-        enter it.
+        At these junctions, a street reaches a second street via a link with its name; if a junction is signalised, the
+        network decides whether it gets lights. At these roundabouts, the ring consists of links, or links with a
+        street's name enter it.
         """
         if kind == "roundabout" and self._road_m > LEAST_ROAD_M:
             return [replace(site, by_links=True) for site in _merged(self._rings(with_links=True))]
         if kind not in ("intersection", "signalised_intersection", "urban") or self._road_m <= LEAST_ROAD_M:
             return []
-        crossings = self._with_named_links
-        keys = [key for key in crossings.of_streets() if any(w.road_class in LINKS for w in crossings.ways_at(key))]
-        if kind == "urban":
-            keys = [key for key in keys if not self._far_from_houses(self.osm.nodes[key])]
-        elif kind == "signalised_intersection":
+        # A signal may be on a link without a name.
+        crossings = self._with_links if kind == "signalised_intersection" else self._with_named_links
+        keys = crossings.of_streets()
+        at_links = {key for key in keys if any(way.road_class in LINKS for way in crossings.ways_at(key))}
+        if kind == "signalised_intersection":
             signals = self._signals(crossings)
             keys = [key for key in keys if signals.any_within(self._metres(self.osm.nodes[key]), SIGNAL_REACH_M)]
+            keys = [key for key in keys if key in at_links or key in self._lit_over_links]
+        else:
+            keys = [key for key in keys if key in at_links]
+        if kind == "urban":
+            keys = [key for key in keys if not self._far_from_houses(self.osm.nodes[key])]
         sites = _merged([self._spot(kind, self.osm.nodes[key], crossings.ways_at(key), key) for key in keys])
         return [replace(site, by_links=True) for site in sites]
+
+    def middles_of_streets(self) -> list[Site]:
+        """Return the middles of the streets among houses, as urban sites of streets without a junction among them."""
+        return _merged(self._middles_of_streets()) if self._road_m > LEAST_ROAD_M else []
 
     def narrowed(self, site: Site, is_wanted: Callable[[SitePart], bool]) -> Site:
         """Return a site with its matching parts; if no part matches, the whole site, marked ``only_passed``."""
@@ -213,7 +231,7 @@ class SiteFinder:
         return tuple(name for way in roads for key in ("name", "ref") if (name := way.tags.get(key)))
 
     def kinds(self) -> dict[SiteType, int]:
-        """Count the sites of each kind on the map; kinds without sites are left out."""
+        """Return the number of sites of each kind on the map; kinds without sites are left out."""
         counts = {kind: len(self.find(kind)) for kind in _SPOTS}
         return {kind: count for kind, count in counts.items() if count}
 
@@ -245,23 +263,23 @@ class SiteFinder:
 
     @cached_property
     def _streets(self) -> _Crossings:
-        """Junctions of roads that lead somewhere, without slip roads, which only leave their road and cross nothing."""
+        """The junctions of roads that lead somewhere; slip roads, which cross nothing, are left out."""
         return _Crossings([way for way in self._roads if way.road_class not in LINKS])
 
     @cached_property
     def _with_named_links(self) -> _Crossings:
-        """Junctions of roads that lead somewhere, and of links with the name of one of them."""
+        """The junctions of roads that lead somewhere, and of links with the name of one of these roads."""
         names = {way.tags["name"] for way in self._roads if way.road_class not in LINKS and "name" in way.tags}
         return _Crossings([way for way in self._roads if way.road_class not in LINKS or way.tags.get("name") in names])
 
     @cached_property
     def _with_links(self) -> _Crossings:
-        """Junctions of roads that lead somewhere and their links."""
+        """The junctions of roads that lead somewhere and their links."""
         return _Crossings(self._roads)
 
     @cached_property
     def _everywhere(self) -> _Crossings:
-        """Junctions with driveways but without links and tracks, which netconvert closes to cars."""
+        """The junctions with driveways but without links and tracks, which netconvert closes to cars."""
         return _Crossings(self.osm.roads((frozenset(ROADS) - {"track"}) & self._classes))
 
     @cached_property
@@ -290,6 +308,18 @@ class SiteFinder:
                 spots.append(_Spot("roundabout", middle, way.way_id, partial(_ways_along, arms, ring)))
         return spots
 
+    def ring_faults(self) -> list[tuple[SitePart, str]]:
+        """Return the ways that are tagged as a roundabout without being one, each with the reason."""
+        tagged = [way for way in self._roads if way.tags.get("junction") in RING_TAGS]
+        rings = Rings(self.osm, self.osm.roads(self._without_links | frozenset(LINKS)) if tagged else ())
+        faults = []
+        for way in tagged:
+            if fault := rings.fault_of(way):
+                middle = OsmNode(0, *_middle([self.osm.nodes[key].position for key in way.node_ids]), {})
+                spot = _Spot("roundabout", middle, way.way_id, partial(_ways_along, self._with_links, way.node_ids))
+                faults.append((SitePart(spot.position, tuple(sorted(set(spot.streets()))), way.way_id), fault))
+        return faults
+
     def _signalised(self) -> list[_Spot]:
         """Return junctions with a traffic signal within reach; a signal alone may be a pedestrian crossing."""
         return self._lit(self._streets) or self._lit(self._everywhere)
@@ -314,8 +344,32 @@ class SiteFinder:
         )
 
     def _has_lights(self, site: Site) -> bool:
-        """Return whether drivers reach a junction near the middle of a site at a signal or soon after it."""
-        return self._junctions_with_lights.any_within(self._metres(OsmNode(0, *site.position, {})), LIT_WITHIN_M)
+        """Return whether drivers reach a junction near the middle of a site at a signal or soon after it.
+
+        On wide roads, they reach it later, but then from several signals.
+        """
+        middle = self._metres(OsmNode(0, *site.position, {}))
+        if self._junctions_with_lights.any_within(middle, LIT_WITHIN_M):
+            return True
+        near = self._ahead_of_signals.lines_within(middle, LIT_WITHIN_M)
+        return len({self._signals_and_junctions[number][0] for number in near}) >= LEAST_SIGNALS_FAR
+
+    @cached_property
+    def _lit_over_links(self) -> frozenset[int]:
+        """The junctions that drivers reach at a signal or soon after it, if signals on links count."""
+        roads = self.osm.roads(self._without_links | frozenset(LINKS))
+        return _nodes_at_signals(self.osm, roads) & _where_ways_meet(roads)
+
+    @cached_property
+    def _signals_and_junctions(self) -> list[tuple[int, int]]:
+        """The signals on the roads in a site's cut, each with the first junctions of streets after it."""
+        roads = self.osm.roads(self._without_links)
+        return _first_junctions(self.osm, roads, frozenset(self._streets.of_streets()) & _where_ways_meet(roads))
+
+    @cached_property
+    def _ahead_of_signals(self) -> Surroundings:
+        """The positions of the junctions in ``_signals_and_junctions``."""
+        return Surroundings([[self._metres(self.osm.nodes[key])] for _, key in self._signals_and_junctions])
 
     @cached_property
     def _junctions_with_lights(self) -> Surroundings:
@@ -391,7 +445,7 @@ class SiteFinder:
         return self._met[way.way_id]
 
     def _passing(self, node: OsmNode) -> list[OsmWay]:
-        """Return the roads that pass near a ramp, since an exit may also be named after such a road."""
+        """Return the roads that pass near a ramp, since an exit may also be named after one of them."""
         return [self._roads[index] for index in self._lines.lines_within(self._metres(node), NEAR_RAMP_M)]
 
     @cached_property
@@ -463,12 +517,16 @@ class SiteFinder:
         return off or self._middles_of_streets() or spots
 
     def _middles_of_streets(self) -> list[_Spot]:
+        """Return for each street its node among houses that is nearest to its middle."""
         spots = []
         for way in self._roads:
             if way.road_class in (*LINKS, *FAST_ROADS) or length_m(self.osm, way) < SHORTEST_STRETCH_M:
                 continue
-            node = self.osm.nodes[way.node_ids[len(way.node_ids) // 2]]
-            if not self._far_from_houses(node) and not self._at_motorway(node):
+            half = len(way.node_ids) // 2
+            by_middle = sorted(range(len(way.node_ids)), key=lambda index: abs(index - half))
+            nodes = (self.osm.nodes[way.node_ids[index]] for index in by_middle)
+            suited = (node for node in nodes if not self._far_from_houses(node) and not self._at_motorway(node))
+            if (node := next(suited, None)) is not None:
                 spots.append(self._spot("urban", node, [way], node.node_id))
         return spots
 
@@ -510,7 +568,7 @@ def _middle(positions: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _merged(spots: list[_Spot]) -> list[Site]:
-    """Merge candidates of one kind that are close together into sites with the streets of all of them."""
+    """Return sites merged from candidates of one kind that are close together, with the streets of all of them."""
     groups: list[list[_Spot]] = []
     firsts = Gathering(MERGE_M)
     for spot in spots:
@@ -575,18 +633,13 @@ def _where_ways_meet(roads: Iterable[OsmWay]) -> frozenset[int]:
 
 
 def _nodes_at_signals(osm: OsmMap, roads: Iterable[OsmWay]) -> frozenset[int]:
-    """Return the nodes with a traffic signal, and those within ``AHEAD_M`` after such a node along roads.
+    """Return the nodes with a traffic signal, and those within ``AHEAD_M`` after a signal along roads.
 
     Maps show signals at the junction or at the stop line, and netconvert gives lights to what is ahead in the direction
     of travel. A signal that drivers reach after a junction belongs to another junction.
     """
-    onwards: dict[int, list[int]] = {}
-    for way in roads:
-        direction = direction_of(way)
-        for one, other in pairwise(way.node_ids):
-            onwards.setdefault(one, []).extend([other] if direction >= 0 else [])
-            onwards.setdefault(other, []).extend([one] if direction <= 0 else [])
-    waiting = [(0.0, key) for key in onwards if osm.nodes[key].tags.get("highway") == "traffic_signals"]
+    onwards = _onwards(roads)
+    waiting = [(0.0, key) for key in onwards if _is_signal(osm.nodes[key])]
     heapify(waiting)
     reached: set[int] = set()
     while waiting:
@@ -599,3 +652,42 @@ def _nodes_at_signals(osm: OsmMap, roads: Iterable[OsmWay]) -> frozenset[int]:
             if other not in reached and further_m <= AHEAD_M:
                 heappush(waiting, (further_m, other))
     return frozenset(reached)
+
+
+def _first_junctions(osm: OsmMap, roads: Iterable[OsmWay], junctions: frozenset[int]) -> list[tuple[int, int]]:
+    """Return the signals, each with the first of the junctions that drivers reach after it on every way.
+
+    The junctions are at most ``SIGNAL_REACH_M`` ahead.
+    """
+    onwards = _onwards(roads)
+    found = []
+    for signal in (key for key in onwards if _is_signal(osm.nodes[key])):
+        waiting, reached = [(0.0, signal)], set[int]()
+        while waiting:
+            behind_m, key = heappop(waiting)
+            if key in reached:
+                continue
+            reached.add(key)
+            if key in junctions:
+                found.append((signal, key))
+                continue
+            for other in onwards[key]:
+                further_m = behind_m + ground_distance_m(osm.nodes[key].position, osm.nodes[other].position)
+                if other not in reached and further_m <= SIGNAL_REACH_M:
+                    heappush(waiting, (further_m, other))
+    return found
+
+
+def _is_signal(node: OsmNode) -> bool:
+    return node.tags.get("highway") == "traffic_signals"
+
+
+def _onwards(roads: Iterable[OsmWay]) -> dict[int, list[int]]:
+    """Return the nodes that drivers reach next from each node."""
+    onwards: dict[int, list[int]] = {}
+    for way in roads:
+        direction = direction_of(way)
+        for one, other in pairwise(way.node_ids):
+            onwards.setdefault(one, []).extend([other] if direction >= 0 else [])
+            onwards.setdefault(other, []).extend([one] if direction <= 0 else [])
+    return onwards

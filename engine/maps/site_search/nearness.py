@@ -15,7 +15,7 @@ _PIECE_NODES = 32
 
 
 class Gathering:
-    """A set of positions, no two of which are closer together than ``reach_m``.
+    """A set of positions at least ``reach_m`` apart.
 
     Positions are sorted into cubes with an edge length of ``reach_m``, in Earth-centred coordinates. A chord is never
     longer than the distance on the ground, so a position within reach is in the same cube or in an adjacent one.
@@ -77,7 +77,7 @@ class Surroundings:
 
     @property
     def is_empty(self) -> bool:
-        """Return whether there are no points, lines or areas."""
+        """Whether there are no points, lines or areas."""
         return len(self._tree) == 0
 
     def any_within(self, point: tuple[float, float], distance_m: float) -> bool:

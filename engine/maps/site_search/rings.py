@@ -4,10 +4,12 @@ A map may show half a ring (the other half is beyond the border, or a node of it
 as a roundabout. In such cases, the network has no roundabout.
 """
 
+import math
 from collections.abc import Iterable
 from heapq import heappop, heappush
 from itertools import islice, pairwise
 
+from ...geometry import wrap_angle
 from ..osm import OsmMap, OsmWay, ground_distance_m
 from ..road_tags.lanes import oneway_of
 
@@ -17,6 +19,8 @@ LEAST_RING_M = 23.5
 """Length of the smallest ring that a car can drive. The outer front wheel of usual cars turns on a circle of 10 m or
 more; with a wheelbase of 2.6 m and a track of 1.5 m, the car's centre is then 3.75 m from the middle. Smaller circles,
 such as those that calm traffic at crossings of streets, are driven as crossings."""
+BACK_RAD = math.radians(150.0)
+"""A road with a larger turn at one node leads back (chosen; as for egos that turn back)."""
 LEAST_ENTRIES = 2
 """Minimum number of roads that lead into a roundabout (chosen)."""
 MOST_NODES = 1_000
@@ -46,17 +50,51 @@ class Rings:
         """Return the nodes of the ring that a tagged way is part of, with its beginning repeated at the end.
 
         The result is empty if the way is open in both directions or does not close over one-way roads, if the ring is
-        longer than ``LONGEST_RING_M`` or shorter than ``LEAST_RING_M``, or if fewer than two roads lead into it.
+        longer than ``LONGEST_RING_M`` or shorter than ``LEAST_RING_M``, or if fewer than two roads lead into it. A road
+        at which the ring turns back does not count: there, the ring is closed via the exit and entry of an arm.
         """
-        if not (direction := direction_of(way)):
-            return ()
-        line = way.node_ids[::-1] if direction < 0 else way.node_ids
-        ring = line if line[0] == line[-1] else (*line, *self._shortest(line))
+        ring = self._closed(way)
+        return () if self._fault(way, ring) else ring
+
+    def fault_of(self, way: OsmWay) -> str:
+        """Return why a tagged way is not part of a ring that cars drive around, or an empty text if it is."""
+        return self._fault(way, self._closed(way))
+
+    def _closed(self, way: OsmWay) -> tuple[int, ...]:
+        """Return the nodes of a way, and of the shortest one-way path from its end back to its beginning, if any."""
+        line = way.node_ids[::-1] if direction_of(way) < 0 else way.node_ids
+        return line if line[0] == line[-1] or not direction_of(way) else (*line, *self._shortest(line))
+
+    def _fault(self, way: OsmWay, ring: tuple[int, ...]) -> str:
+        if not direction_of(way):
+            return "is open in both directions"
         inside = frozenset(ring)
-        if ring[0] != ring[-1] or len(inside) < 3 or not LEAST_RING_M <= self._length_m(ring) <= LONGEST_RING_M:
-            return ()
-        entries = (before for key in ring[1:] for before in self._before.get(key, ()) if before not in inside)
-        return ring if len(list(islice(entries, LEAST_ENTRIES))) == LEAST_ENTRIES else ()
+        if ring[0] != ring[-1] or len(inside) < 3:
+            return "is not closed by one-way roads"
+        if not LEAST_RING_M <= (length_m := self._length_m(ring)) <= LONGEST_RING_M:
+            return f"is {length_m:.0f} m around, not {LEAST_RING_M:g} to {LONGEST_RING_M:g} m"
+        back = self._turns_back(ring)
+        around = (key for key in ring[1:] if key not in back)
+        entries = (before for key in around for before in self._before.get(key, ()) if before not in inside)
+        if len(list(islice(entries, LEAST_ENTRIES))) < LEAST_ENTRIES:
+            return (
+                "is closed only by turning back" if back else f"has fewer than {LEAST_ENTRIES} roads that lead into it"
+            )
+        return ""
+
+    def _turns_back(self, ring: tuple[int, ...]) -> frozenset[int]:
+        """Return the nodes at which a ring turns by more than ``BACK_RAD``."""
+        places = {key: self._osm.nodes[key].position for key in ring}
+        wide = math.cos(math.radians(places[ring[0]][0]))
+
+        def heading(start: int, end: int) -> float:
+            (south, west), (north, east) = places[start], places[end]
+            return math.atan2(north - south, (east - west) * wide)
+
+        corners = zip(ring, ring[1:], (*ring[2:], ring[1]), strict=False)
+        return frozenset(
+            at for before, at, after in corners if abs(wrap_angle(heading(at, after) - heading(before, at))) > BACK_RAD
+        )
 
     def _shortest(self, line: tuple[int, ...]) -> tuple[int, ...]:
         """Return the nodes of the shortest one-way path from the end of a line back to its beginning, if any."""

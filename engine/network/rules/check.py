@@ -37,7 +37,7 @@ def check_network(document: RoadDocument) -> tuple[RuleFinding, ...]:
 
 
 def summarise_findings(findings: Iterable[RuleFinding], severity: Severity) -> tuple[str, ...]:
-    """Summarise the findings of one severity: each rule once, with the number of positions and the first one."""
+    """Return text on the findings of one severity: each rule once, with its number of positions and the first one."""
     by_rule: dict[str, list[RuleFinding]] = {}
     for finding in findings:
         if finding.severity == severity:

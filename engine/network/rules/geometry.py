@@ -1,4 +1,4 @@
-"""Rules on the shape of single lanelets."""
+"""Rules on the shape of individual lanelets."""
 
 from collections.abc import Iterator
 
@@ -181,8 +181,8 @@ def _tightest_quarter_turn(center: Points) -> tuple[float, Points]:
     for begin in range(len(turned)):
         enough = np.flatnonzero(np.abs(turned[begin:] - turned[begin]) >= np.pi / 2)
         if len(enough):
-            way = stations[begin + enough[0]] - stations[begin]
-            radius = float(way / abs(turned[begin + enough[0]] - turned[begin]))
+            distance_m = stations[begin + enough[0]] - stations[begin]
+            radius = float(distance_m / abs(turned[begin + enough[0]] - turned[begin]))
             if radius < best:
                 best, place = radius, center[begin + 1]
     return best, place

@@ -76,7 +76,7 @@ class _LaneTable:
 
 @dataclass(frozen=True)
 class JunctionPath:
-    """A path from lane to lane of two edges: the lanelet it leaves, those inside the junction, the one it enters."""
+    """A path from a lane of one edge to a lane of another: the lanelets before, inside and after the junction."""
 
     entry: int
     through: tuple[int, ...]
@@ -95,8 +95,8 @@ class _JunctionInterior:
 class NetLayout:
     """The mapping lanelet ↔ SUMO edge and lane, fixed before anything is written.
 
-    ``edges``: edge id → lanelets from right to left. ``ends``: edge id → (from junction, to junction). ``links``:
-    junction id → indices into ``paths`` in the order of SUMO's links at that junction.
+    ``edges``: by edge id, its lanelets from right to left. ``ends``: by edge id, the junctions that it leads from and
+    to. ``links``: by junction id, indices into ``paths`` in the order of SUMO's links at that junction.
     """
 
     table: _LaneTable
@@ -119,19 +119,19 @@ class NetLayout:
 
     @cached_property
     def lane_of(self) -> dict[int, tuple[str, int]]:
-        """Map each lanelet outside junctions to its edge and lane index."""
+        """The edge and the lane index of each lanelet outside junctions, by lanelet id."""
         return _lanes_by_lanelet(self.edges)
 
     @cached_property
     def internal_edge_of_path(self) -> dict[int, str]:
-        """Map the index of a path to the id of its internal edge, ``:junction_link``."""
+        """The id of each path's internal edge, ``:junction_link``, by the path's index."""
         return {
             path: f":{junction}_{link}" for junction, paths in self.links.items() for link, path in enumerate(paths)
         }
 
     @cached_property
     def paths_through(self) -> dict[int, tuple[int, ...]]:
-        """Map each lanelet inside a junction to the indices of the paths that use it."""
+        """The indices of the paths that use each lanelet inside a junction, by lanelet id."""
         through: dict[int, list[int]] = {}
         for index, path in enumerate(self.paths):
             for key in path.through:
@@ -140,7 +140,7 @@ class NetLayout:
 
     @cached_property
     def incoming_lanes(self) -> dict[str, tuple[tuple[str, int], ...]]:
-        """Map each junction to the lanes that lead into it, in SUMO's order."""
+        """The lanes that lead into each junction, in SUMO's order, by junction id."""
         incoming: dict[str, list[tuple[str, int]]] = {junction: [] for junction in self.links}
         for edge, (_, junction) in self.ends.items():
             incoming[junction] += [(edge, lane) for lane in range(len(self.edges[edge]))]
@@ -148,7 +148,7 @@ class NetLayout:
 
     @cached_property
     def lanelets_of_lane(self) -> dict[str, tuple[int, ...]]:
-        """Map each SUMO lane id to its lanelets (several only inside junctions; none for a mere joint)."""
+        """The lanelets of each SUMO lane, by lane id (several only inside junctions; empty for a mere joint)."""
         normal = {f"{edge}_{lane}": (key,) for key, (edge, lane) in self.lane_of.items()}
         internal = {f"{edge}_0": self.paths[path].through for path, edge in self.internal_edge_of_path.items()}
         return normal | internal
@@ -262,7 +262,7 @@ def crossing_of(first: Points, second: Points) -> tuple[float, float, float] | N
 
 
 def _crossings(table: _LaneTable) -> dict[int, frozenset[int]]:
-    """Return, for each lanelet that crosses others, the lanelets that it crosses.
+    """Return the lanelets that each lanelet crosses, by lanelet id; lanelets that cross no other are left out.
 
     Raises:
         NotPossible: more lanelets meet than in any real road network.
@@ -346,7 +346,7 @@ def _group_into_edges(table: _LaneTable, interior: frozenset[int]) -> dict[str, 
 
 
 def _left_neighbours(table: _LaneTable, interior: frozenset[int]) -> dict[int, int]:
-    """Map lanelets to the lanelet on their left in the same edge; each is the left neighbour of at most one."""
+    """Return the lanelet to the left of each lanelet in the same edge; each is the left neighbour of at most one."""
     outside = [key for key in table.lanes if key not in interior]
     candidates: dict[int, int] = {}
     for key in outside:
@@ -367,7 +367,7 @@ def _left_neighbours(table: _LaneTable, interior: frozenset[int]) -> dict[int, i
 
 
 def _chain(start: int, next_of: dict[int, int]) -> tuple[int, ...]:
-    """Return a lanelet and its chain of neighbours, up to the last one or until the chain repeats."""
+    """Return a lanelet and its chain of neighbours, up to the last neighbour, or until the chain repeats."""
     chain = dict.fromkeys([start])
     last = start
     while last in next_of and next_of[last] not in chain:

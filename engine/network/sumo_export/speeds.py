@@ -1,6 +1,6 @@
 """Sets the speed of each lane: from posted limits, recorded speeds, and curves.
 
-A lane has the posted speed limit, or 50 km/h if the file posts none, and more if a vehicle was recorded faster. Curves
+A lane has the posted speed limit, or 50 km/h without one, and more if a vehicle was recorded faster. Curves
 lower it, because SUMO slows down for turns inside junctions only (otherwise a quarter of its cars exceed the friction
 circle in the curves of edges). On a long lanelet with one curve, that is far too slow for the rest. For such lanelets,
 ``slow_places`` returns where to slow down. A co-simulation that sets SUMO's speeds step by step uses the result.
@@ -105,19 +105,19 @@ def curve_speed(shape: Points, sigma_m: float = _SMOOTHING_M, friction: float | 
     return max(_SLOWEST_CURVE_MPS, math.sqrt(comfortable_mps2(friction) / curvature))
 
 
-def _between_straights(shape: Points, beside_m: float) -> Points:
+def _between_straights(shape: Points, extension_m: float) -> Points:
     """Return a polyline with a straight extension at each end."""
     points = without_repeats(shape)
     if len(points) < 2:
         return points
-    before, behind = (beside_m * unit(end) for end in (points[1] - points[0], points[-1] - points[-2]))
+    before, behind = (extension_m * unit(end) for end in (points[1] - points[0], points[-1] - points[-2]))
     return np.vstack([points[0] - before, points, points[-1] + behind])
 
 
 def slow_places(
     shape: Points, straight_mps: float, recorded: Sequence[tuple[float, float]] = (), friction: float | None = None
 ) -> SlowPlaces:
-    """Return where a polyline's curves require less than a speed, and the speeds there, as ``curve_speed`` does.
+    """Return the points where a polyline's curves require less than a speed, and the speeds there.
 
     If a vehicle was recorded faster, the speed is higher, up to the limit of the tyres, because an apparent curve may
     be a kink in a coarse line. ``recorded``: arc lengths in m on the polyline, and the recorded speeds at these points.

@@ -1,6 +1,6 @@
 """Writes a SUMO network directly from a lanelet network; the lanelets' centre lines are the shapes of the lanes.
 
-netconvert is not involved: it would move 99.9 % of the lanes by more than half a metre and reject loops. Format: SUMO
+netconvert is not involved: it would move 99.9% of the lanes by more than half a metre and reject loops. Format: SUMO
 network file, version 1.20 (https://sumo.dlr.de/docs/Networks/SUMO_Road_Networks.html). The same input gives the same
 bytes. Lengths are in metres, speeds in m/s.
 
@@ -256,7 +256,7 @@ class _RightOfWay:
 
 
 def _direction_letter(shape: Points) -> str:
-    """Return SUMO's letter for the turn along a path: s(traight), l(eft), r(ight) or t(urn around)."""
+    """Return SUMO's direction letter for a path: s(traight), l(eft), r(ight) or t(urn around)."""
     first, last = shape[1] - shape[0], shape[-1] - shape[-2]
     turn = math.degrees(wrap_angle(math.atan2(last[1], last[0]) - math.atan2(first[1], first[0])))
     if abs(turn) > _TURN_AROUND_DEG:
@@ -345,11 +345,11 @@ class Signal:
 
     @property
     def program(self) -> str:
-        """SUMO's id of the light."""
+        """The light's SUMO id."""
         return f"tl{self.key}"
 
     def letter_at(self, time_s: float) -> str:
-        """Return SUMO's letter of the phase at a time after time step 0."""
+        """Return SUMO's letter for the light's state at a time after time step 0."""
         left_s = (time_s + _ROUNDING_S) % sum(seconds for seconds, _ in self.phases)
         for seconds, letter in self.phases:
             if left_s < seconds:

@@ -204,7 +204,7 @@ class _Steps:
         )
 
     def judged(self, vehicle: VehicleParameters, step_s: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return which steps have a clear verdict, and which of the steps are drivable.
+        """Return two masks of the steps: those with a clear verdict, and those that are drivable.
 
         The errors in x, y, speed and heading are nearly linear in acceleration and steering rate. Gauss-Newton
         iterations from the mean acceleration, within the limits, therefore replace the search.
@@ -261,10 +261,10 @@ class _Steps:
         """Return the derivatives of x, y, speed and heading by acceleration and by steering rate, (4, n) each."""
         cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
         tangent = np.tan(self.steering_rad + rate * step_s / 2)
-        half, bend = step_s**2 / 2, tangent / vehicle.wheelbase_m
+        half, curvature = step_s**2 / 2, tangent / vehicle.wheelbase_m
         turn = self.speed_mps * (1 + tangent**2) / vehicle.wheelbase_m * half
         aside = self.speed_mps * turn * step_s / 3
-        by_acceleration = np.stack([half * cos, half * sin, np.full_like(cos, step_s), bend * half])
+        by_acceleration = np.stack([half * cos, half * sin, np.full_like(cos, step_s), curvature * half])
         return by_acceleration, np.stack([-aside * sin, aside * cos, np.zeros_like(cos), turn])
 
 

@@ -107,10 +107,10 @@ class DesiredSpeed:
     """The desired speed on the way to a goal: set by the goal, and after its time interval by the lane and its curves.
 
     For a goal with a position, it is the mean speed that reaches the goal's middle by the middle of the time interval
-    or, once that has passed, by its end. After the middle it is at most the cruising speed, or the present speed if
-    that is higher, so that a late ego does not race. Inside a goal with a speed interval, and for a goal with a speed
-    interval but no position, it is the middle of that interval. In all other cases, and after the time interval, it is
-    the cruising speed. It always stays within 5 m/s of the present speed.
+    or, once that has passed, by its end. After the middle of the interval it is at most the cruising speed, or the
+    present speed if that is higher, so that a late ego does not race. Inside a goal with a speed interval, and for a
+    goal with a speed interval but no position, it is the middle of that interval. In all other cases, and after the
+    time interval, it is the cruising speed. It always stays within 5 m/s of the present speed.
 
     An ego inside a goal without a speed interval still aims for the goal's middle, and waits there until the time
     interval ends.
@@ -140,7 +140,7 @@ class DesiredSpeed:
     def explained_at(self, ego: EgoState) -> tuple[float, SpeedReason]:
         """Return the desired speed in m/s, and its reason."""
         low, high = max(ego.speed_mps - SPEED_BAND_MPS, 0.0), min(ego.speed_mps + SPEED_BAND_MPS, _MAXIMUM_SPEED_MPS)
-        wanted, reason = self._wanted_speed(ego, self._follower.place(ego.position)[0])
+        wanted, reason = self._desired_speed(ego, self._follower.place(ego.position)[0])
         return min(max(wanted, min(low, high)), high), reason
 
     def average_to_goal(self, ego: EgoState) -> float | None:
@@ -153,7 +153,7 @@ class DesiredSpeed:
         mean_mps = self._mean_to(self._goal_station_m - here_m, self._goal.last_step, ego)
         return None if mean_mps is None else max(mean_mps, 0.0)
 
-    def _wanted_speed(self, ego: EgoState, here_m: float) -> tuple[float, SpeedReason]:
+    def _desired_speed(self, ego: EgoState, here_m: float) -> tuple[float, SpeedReason]:
         goal, cruising = self._goal, self._cruising.at(here_m)
         if ego.step > goal.last_step:
             return cruising
@@ -187,7 +187,7 @@ class ReferenceDesiredSpeed(DesiredSpeed):
     early. It also does so everywhere after the middle of the time, so a standing ego never starts again.
     """
 
-    def _wanted_speed(self, ego: EgoState, here_m: float) -> tuple[float, SpeedReason]:
+    def _desired_speed(self, ego: EgoState, here_m: float) -> tuple[float, SpeedReason]:
         goal = self._goal
         if not goal.has_position:
             return ego.speed_mps, "present"

@@ -39,7 +39,10 @@ def violated_limit(trajectory: PlannedTrajectory, vehicle: VehicleParameters, st
 def broken_limits(
     headings_rad: Points, speeds_mps: Points, vehicle: VehicleParameters, step_s: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which motions break the friction limit and which the curvature limit; inputs are (n, steps)."""
+    """Return two masks (n,): the motions that break the friction limit, and those that break the curvature limit.
+
+    ``headings_rad`` and ``speeds_mps`` have the shape (n, steps).
+    """
     speed = 0.5 * (speeds_mps[:, 1:] + speeds_mps[:, :-1])
     yaw_rate = np.diff(headings_rad, axis=1) / step_s
     along = np.diff(speeds_mps, axis=1) / step_s

@@ -1,11 +1,11 @@
 """The ego as a vehicle: it follows a plan by steering and accelerating within its limits.
 
 A plan is a sequence of states, and possibly no steering leads from one state to the next. Here the rear axle moves as
-in the kinematic single-track model of CommonRoad (Althoff and Würsching, "CommonRoad: Vehicle Models", 2020): with
-speed v, steering angle δ and wheelbase L, the heading turns by v · tan δ / L, and the inputs of a time step are a
-constant acceleration and a constant steering rate. The speeds are the plan's. The steering rates keep the rear and the
-front axle as near as possible to the whole plan, which is a least-squares problem with bounds. If a corner is too
-abrupt for the rate at which the wheels turn, the vehicle starts to steer before it.
+in the kinematic single-track model of CommonRoad (Althoff and Würsching, "CommonRoad: Vehicle Models", 2020). With
+speed v, steering angle δ and wheelbase L, the heading turns by v · tan δ / L. The inputs of a time step are a constant
+acceleration and a constant steering rate. The speeds are the plan's. The steering rates keep the rear and the front
+axle as near as possible to the whole plan, which is a least-squares problem with bounds. If a corner is too abrupt for
+the rate at which the wheels turn, the vehicle starts to steer before it.
 
 The driven motion is the result of this integration, so the wheels always roll and the steering rate never exceeds its
 limit. The vehicle follows a drivable plan to within millimetres.
@@ -180,13 +180,13 @@ def _find_steering(
     track: _Track, speeds: Values, start: _Pose, present_rad: float | None, vehicle: VehicleParameters, step_s: float
 ) -> tuple[Values, _Rolled]:
     """Return the steering angle at every state (n,), within the vehicle's steering rate, and the resulting motion."""
-    way = 0.5 * (speeds[1:] + speeds[:-1]) * step_s
-    steering = _steering_of_plan(track, way, vehicle)
+    distances = 0.5 * (speeds[1:] + speeds[:-1]) * step_s
+    steering = _steering_of_plan(track, distances, vehicle)
     if present_rad is not None:
         steering[0] = present_rad
     driven = _roll(start, speeds, steering, vehicle.wheelbase_m, step_s)
     for _ in range(_LINEARISATIONS):
-        problem = _linearise(track, driven, way, steering, vehicle, step_s, begins_free=present_rad is None)
+        problem = _linearise(track, driven, distances, steering, vehicle, step_s, begins_free=present_rad is None)
         best = problem.without_bounds()
         clipped = np.clip(best, -problem.bounds, problem.bounds)
         steering = problem.steering_for(clipped)
@@ -203,15 +203,15 @@ def _find_steering(
     return steering, driven
 
 
-def _steering_of_plan(track: _Track, way: Values, vehicle: VehicleParameters) -> Values:
+def _steering_of_plan(track: _Track, distances: Values, vehicle: VehicleParameters) -> Values:
     """Return the steering angle in rad at every state, the mean of the angles for the turns before and after it."""
     turn = np.diff(track.headings_rad)
-    moving = way > _SHORTEST_STEP_M
-    between = np.arctan(vehicle.wheelbase_m * turn / np.where(moving, way, 1.0))
+    moving = distances > _SHORTEST_STEP_M
+    between = np.arctan(vehicle.wheelbase_m * turn / np.where(moving, distances, 1.0))
     if not moving.all():
-        last = np.maximum.accumulate(np.where(moving, np.arange(len(way)), -1))
+        last = np.maximum.accumulate(np.where(moving, np.arange(len(distances)), -1))
         between = np.where(last >= 0, between[last], between[int(moving.argmax())] if moving.any() else 0.0)
-    angles = np.empty(len(way) + 1)
+    angles = np.empty(len(distances) + 1)
     angles[0], angles[-1] = between[0], between[-1]
     angles[1:-1] = 0.5 * (between[1:] + between[:-1])
     limited: Values = np.clip(angles, -vehicle.maximum_steering_rad, vehicle.maximum_steering_rad)
@@ -257,7 +257,7 @@ class _Problem:
 def _linearise(
     track: _Track,
     driven: _Rolled,
-    way: Values,
+    distances: Values,
     steering: Values,
     vehicle: VehicleParameters,
     step_s: float,
@@ -267,15 +267,15 @@ def _linearise(
     """Return the problem about steering angles (n,) and the motion that they lead to."""
     wheelbase, bound = vehicle.wheelbase_m, _RATE_SHARE * vehicle.maximum_steering_rate_radps
     middle = 0.5 * (steering[1:] + steering[:-1])
-    gain = way / wheelbase * (1.0 + np.tan(middle) ** 2)
-    by_step = gain[:, None] * _mean_angles(len(way), step_s)
+    gain = distances / wheelbase * (1.0 + np.tan(middle) ** 2)
+    by_step = gain[:, None] * _mean_angles(len(distances), step_s)
     turned = np.cumsum(by_step, axis=0)
-    halfway = way[:, None] * (turned - 0.5 * by_step)
+    halfway = distances[:, None] * (turned - 0.5 * by_step)
     along = np.cumsum(np.cos(driven.halfway_rad)[:, None] * halfway, axis=0)
     aside = np.cumsum(np.sin(driven.halfway_rad)[:, None] * halfway, axis=0)
     rear = track.cos[1:, None] * along + track.sin[1:, None] * aside
     front = rear + wheelbase * turned
-    about = np.empty(len(way) + 1)
+    about = np.empty(len(distances) + 1)
     about[:-1], about[-1] = np.diff(steering) / step_s, steering[0]
     rear_m = track.across(driven) - rear @ about
     front_m = track.across(driven) + wheelbase * track.turned(driven) - front @ about
@@ -353,14 +353,14 @@ def _within_tyres(speeds: Values, steering: Values, vehicle: VehicleParameters, 
     A vehicle above its top speed does not accelerate further.
     """
     largest, top = vehicle.maximum_acceleration_mps2, max(vehicle.maximum_speed_mps, float(speeds[0]))
-    bend = np.tan(steering[:-1]) / vehicle.wheelbase_m
-    along, across = np.diff(speeds) / step_s, speeds[:-1] ** 2 * bend
+    curvature = np.tan(steering[:-1]) / vehicle.wheelbase_m
+    along, across = np.diff(speeds) / step_s, speeds[:-1] ** 2 * curvature
     power = largest * vehicle.switching_speed_mps
     powered = power / np.maximum(0.5 * (speeds[1:] + speeds[:-1]), vehicle.switching_speed_mps)
     if (along**2 + across**2 <= largest**2).all() and (along <= powered).all() and (speeds <= top).all():
         return speeds
     allowed = speeds.tolist()
-    for index, turn in enumerate(bend.tolist()):
+    for index, turn in enumerate(curvature.tolist()):
         speed = allowed[index]
         room = math.sqrt(max(largest**2 - (speed * speed * turn) ** 2, 0.0))
         at_end = (math.sqrt(speed * speed + 4.0 * power * step_s) - speed) / (2.0 * step_s)  # a · (v + a · t) = power

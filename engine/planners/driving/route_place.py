@@ -59,7 +59,7 @@ class RoutePlaces:
         return offsets, wrap_angles(headings_rad - self._direction(stations))
 
     def desired_speeds(self, states: Sequence[EgoState]) -> list[tuple[float, SpeedReason]]:
-        """Return the desired speed in m/s at each of some states, and its reason."""
+        """Return the desired speed in m/s at each of the states, with its reason."""
         return [self._desired.explained_at(ego) for ego in states]
 
     def _direction(self, stations_m: Values) -> Values:

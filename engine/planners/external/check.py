@@ -34,8 +34,8 @@ class PlannerCheck:
     """The result of checking a planner on one scenario.
 
     ``breaches``: its breaches of the contract, as text. ``outcome``, ``reason``: how the drive ended, among the
-    recorded traffic or on an empty road. ``asked_again``: the number of observations at which a class also planned with
-    each weight and parameter at the two ends of its range; ``unmoved``: the weights and parameters that changed no
+    recorded traffic or on an empty road. ``planned_again``: the number of observations at which a class also planned
+    with each weight and parameter at the two ends of its range; ``unmoved``: the weights and parameters that changed no
     plan. ``raised``: the traceback of the planner's exception, or a program's standard error. ``took``: the planning
     time, as text. ``beyond_vehicle``: the vehicle limits that the driven motion exceeds.
     """
@@ -45,7 +45,7 @@ class PlannerCheck:
     outcome: Outcome | None = None
     reason: str = ""
     unmoved: tuple[str, ...] = ()
-    asked_again: int = 0
+    planned_again: int = 0
     raised: str = ""
     took: str = ""
     beyond_vehicle: tuple[LimitExcess, ...] = ()
@@ -71,7 +71,7 @@ class _Recorder:
 def check_on(name: str, planner: OwnPlanner | Found, path: Path, *, empty_road: bool = False) -> PlannerCheck:
     """Drive the first planning problem of a CommonRoad file with the preset Default, and check every plan.
 
-    A class plans again at the first observation and at one in the middle, after a reset and in a new instance; a
+    A class plans again at the first observation and at the middle one, after a reset and in a new instance; a
     program only at the first. A class also plans with each weight at the two ends of its range, at every observation of
     the drive until two plans differ.
 
@@ -121,7 +121,7 @@ def check_on(name: str, planner: OwnPlanner | Found, path: Path, *, empty_road: 
         run.final.outcome,
         run.final.reason,
         unmoved,
-        asked_again=0 if is_program else len(seen),
+        planned_again=0 if is_program else len(seen),
         took=_describe_duration(planner, run.plan_s),
         beyond_vehicle=() if task is None else _excesses(run, task),
     )
@@ -143,10 +143,8 @@ def _describe_duration(planner: OwnPlanner | Found, plan_s: list[float]) -> str:
     """Return the planning time as text; for a program that is called once, its response time."""
     if not plan_s:
         return ""
-    is_asked_once = (
-        isinstance(planner, Found) and planner.command is not None and planner.command.protocol == "one_shot"
-    )
-    return f"answered in {sum(plan_s):.1f} s" if is_asked_once else f"{1000 * median(plan_s):.1f} ms a plan"
+    plans_once = isinstance(planner, Found) and planner.command is not None and planner.command.protocol == "one_shot"
+    return f"answered in {sum(plan_s):.1f} s" if plans_once else f"{1000 * median(plan_s):.1f} ms a plan"
 
 
 def _maker(name: str, planner: OwnPlanner | Found, file: ScenarioFile) -> Callable[[], Planner]:

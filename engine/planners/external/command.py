@@ -39,7 +39,7 @@ class _AnswerKey:
 
 
 class CommandDriver:
-    """The planner; see :class:`plannerforge.engine.planners.interface.Planner`.
+    """A planner that calls a program once per run; see :class:`plannerforge.engine.planners.interface.Planner`.
 
     ``log``: the end of the program's standard error.
     """
@@ -54,7 +54,7 @@ class CommandDriver:
         self._task = task
 
     def plan(self, observation: Observation) -> Plan:
-        """Return the rest of the trajectory, or none if it has ended or the vehicle cannot drive its next steps.
+        """Return a plan with the rest of the trajectory, or without one if it has ended or cannot be driven.
 
         Raises:
             PlannerFailure: The program broke a limit, or its answer is invalid.

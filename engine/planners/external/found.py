@@ -59,7 +59,7 @@ class OwnPlanner:
 
 
 @dataclass(frozen=True)
-class PlannerHere:
+class PlannerObject:
     """A planner that is an object of this process, and the text that distinguishes its versions."""
 
     planner: OwnPlanner
@@ -77,7 +77,7 @@ class Found:
     where: str
     entry: EntryPoint | None = None
     command: CommandPlanner | None = None
-    here: PlannerHere | None = None
+    here: PlannerObject | None = None
     fault: str = ""
 
     def own(self) -> OwnPlanner:
@@ -177,7 +177,7 @@ def programs_named(commands: Mapping[str, CommandPlanner]) -> Iterator[None]:
 
 
 @contextmanager
-def planners_here(planners: Mapping[str, PlannerHere]) -> Iterator[None]:
+def registered_objects(planners: Mapping[str, PlannerObject]) -> Iterator[None]:
     """Register these objects as planners while the block runs, only in this process."""
     known = _planners_of_process()
     named = {
@@ -193,7 +193,7 @@ def planners_here(planners: Mapping[str, PlannerHere]) -> Iterator[None]:
         known.update(before)
 
 
-def is_here(name: str) -> bool:
+def is_planner_object(name: str) -> bool:
     """Return True if a planner is an object of this process, which only this process can run."""
     return _fold_name(name) in _planners_of_process()
 

@@ -1,4 +1,4 @@
-"""Runs a planner of another package in the loop: exceptions and invalid answers become named errors of that planner."""
+"""Runs a planner from another package in the loop; its exceptions and invalid answers become named errors."""
 
 import inspect
 import traceback
@@ -50,7 +50,10 @@ def _not_callable(planner: object, method: str, argument: str) -> str:
 
 
 class _Guarded:
-    """See :class:`plannerforge.engine.planners.interface.Planner`."""
+    """A planner from another package, with its answers checked.
+
+    See :class:`plannerforge.engine.planners.interface.Planner`.
+    """
 
     def __init__(self, name: str, planner: Planner) -> None:
         self._name, self._planner = name, planner

@@ -25,7 +25,7 @@ _DIGITS = 4
 
 
 def numbers_of(values: Mapping[str, Any]) -> dict[str, float]:
-    """Return the values that are finite numbers."""
+    """Return the values that are finite numbers, by name."""
     numbers = {name: value for name, value in values.items() if isinstance(value, int | float)}
     return {name: float(value) for name, value in numbers.items() if math.isfinite(value)}
 

@@ -19,7 +19,7 @@ from .process import PlannerProcess
 
 
 class StepwiseDriver:
-    """The planner; see :class:`plannerforge.engine.planners.interface.Planner`.
+    """A planner that calls a program at every step; see :class:`plannerforge.engine.planners.interface.Planner`.
 
     ``log``: the start and the end of the program's standard error during the run.
     """
@@ -73,7 +73,7 @@ class StepwiseDriver:
         return drivable(plan, task)
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
-        """Return further candidates of the last step that the program showed."""
+        """Return up to ``most`` of the candidates that the program showed at the last step, as points (n, 2)."""
         return [self._shown[place] for place in evenly_chosen(len(self._shown), most)]
 
     def close(self) -> None:

@@ -88,7 +88,7 @@ def _blob_id(path: Path, like: str) -> str:
 
 
 def _git(folder: Path, *arguments: str) -> str:
-    """Return git's output.
+    """Return the output of a git command in a folder.
 
     Raises:
         OSError: Git is not installed.

@@ -1,9 +1,9 @@
 """The C++ core of FISS (fiss-planner 1.0.0): its inputs, its outputs, and its pitfalls.
 
 The core plans the centre of the vehicle in the Frenet frame of a reference line. Lateral motions are quintic and
-longitudinal ones quartic polynomials of time. A candidate ends after 0.6 to 1 times the horizon (the core's own default
-is 3 to 5 s), at one of several speeds between 0 and the desired speed, and at one of several offsets within a lane. Its
-coordinates are world coordinates. Lengths in m, headings in rad.
+longitudinal motions quartic polynomials of time. A candidate ends after 0.6 to 1 times the horizon (the core's own
+default is 3 to 5 s), at one of several speeds between 0 and the desired speed, and at one of several offsets within a
+lane. Its coordinates are world coordinates. Lengths in m, headings in rad.
 
 Pitfalls (tested by ``tests/engine/planners/test_fiss_traps.py``):
 
@@ -49,7 +49,7 @@ _HARDEST_MPS2, BRISKEST_MPS2 = 8.0, 4.0
 """Limits in the core authors' plans: 8 m/s² for braking and lateral acceleration (0.8 g), and 4 m/s² for acceleration;
 the vehicle's own limits may be lower.
 """
-_BEHIND_M, _BESIDE_M = 80.0, 60.0
+_BEHIND_M, _BEYOND_REACH_M = 80.0, 60.0
 """The core considers obstacles from 80 m behind the ego to 60 m beyond its reach."""
 _LINE_SPACING_M = 2.0
 """The core's own spacing, at which it looks for the curve that limits the speed."""
@@ -124,7 +124,7 @@ def core_configuration(
         settings: The settings for the search, the horizon and the number of samples.
         step_s: The time step of the plans.
         offsets: The number of lateral offsets per lane, to override the settings.
-        care: The distances that a candidate must keep from others.
+        care: The distances that a candidate must keep from other road users.
         every_candidate: True to generate, check and return every candidate, whatever the search.
     """
     configuration = fiss_planner.PlannerConfig()
@@ -198,7 +198,7 @@ def core_obstacles(
 
     ``until_s``: the duration for which their predictions count.
     """
-    made, farthest_m = [], max(_BEHIND_M, reach_m + _BESIDE_M)
+    made, farthest_m = [], max(_BEHIND_M, reach_m + _BEYOND_REACH_M)
     for obstacle in obstacles:
         count = min(len(obstacle.positions), 1 + math.floor(until_s / step_s + 1e-9)) if until_s < math.inf else None
         positions = obstacle.positions[:count]
@@ -222,8 +222,8 @@ def dragged_headings(center: Points, first_rad: float, drag_m: float) -> Values:
     While the front end moves straight by s, the tangent of half the angle between its direction and the rod falls by
     exp(−s / drag), which is the tractrix of a straight line.
     """
-    ways = np.diff(center, axis=0)
-    directions, lengths = np.arctan2(ways[:, 1], ways[:, 0]), np.hypot(ways[:, 0], ways[:, 1])
+    steps = np.diff(center, axis=0)
+    directions, lengths = np.arctan2(steps[:, 1], steps[:, 0]), np.hypot(steps[:, 0], steps[:, 1])
     kept, heading = np.exp(-lengths / drag_m).tolist(), first_rad
     headings = [heading]
     for direction, share in zip(directions.tolist(), kept, strict=True):
@@ -257,9 +257,7 @@ def copied_trajectory(
 
 
 def costs_of(candidate: "fiss_planner.Trajectory") -> dict[str, float]:
-    """Return the weighted cost terms of a candidate; ``proximity`` combines headway, time to collision and
-    clearance.
-    """
+    """Return the weighted costs of a candidate by term; ``proximity`` is headway, time to collision and clearance."""
     terms = candidate.cost
     return {
         "acceleration": terms.accel,
@@ -286,7 +284,7 @@ class DrivenPlan:
         return index if is_on_plan(self.trajectory, index, ego, FOLLOWED_WITHIN_M) else None
 
     def rest(self, index: int) -> PlannedTrajectory:
-        """Return the rest of the plan."""
+        """Return the part of the planned trajectory from the given state on."""
         return self.trajectory.since(index)
 
 
@@ -306,15 +304,15 @@ def braking_trajectory(
     times = np.arange(round(horizon_s / step_s) + 1) * step_s
     speed = np.maximum(start.s_d - deceleration_mps2 * times, 0.0)
     stopped = np.minimum(times, start.s_d / deceleration_mps2)
-    way = start.s_d * stopped - deceleration_mps2 * stopped**2 / 2
+    distance = start.s_d * stopped - deceleration_mps2 * stopped**2 / 2
     slope = start.d_d / max(start.s_d, ARC_LENGTH_MPS)
-    fade_m = max(way[-1], ARC_LENGTH_MPS)
-    share = np.minimum(way / fade_m, 1.0)
+    fade_m = max(distance[-1], ARC_LENGTH_MPS)
+    share = np.minimum(distance / fade_m, 1.0)
     offset = start.d + slope * fade_m * (share - share**2 / 2)
     turned = slope * (1.0 - share)
     states = [
         line.to_cartesian(fiss_planner.FrenetState(s=start.s + s, s_d=v, d=d, d_d=v * turn))
-        for s, v, d, turn in zip(way.tolist(), speed.tolist(), offset.tolist(), turned.tolist(), strict=True)
+        for s, v, d, turn in zip(distance.tolist(), speed.tolist(), offset.tolist(), turned.tolist(), strict=True)
     ]
     center = np.array([[state.x, state.y] for state in states])
     center[0] = ego.position

@@ -1,4 +1,4 @@
-"""The lanes along a reference path in the form of FISS's core: bands of lateral offsets, with one value per station.
+"""The lanes along a reference path as FISS's core expects them: bands of lateral offsets, one value per station.
 
 Lane 0 is the band around the path itself, as wide as the lane under it, so a path that changes lanes leads the planner
 from one lane to the other. Lanes −1 and +1 are the lanes of the same direction to its right and left, if a lane change
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _SPACING_M = 2.0
 """Distance between the stations of a band (chosen: lanes change their width over tens of metres)."""
-_BESIDE_M, _AHEAD_M = 10.0, 1.0
+_SIDE_M, _AHEAD_M = 10.0, 1.0
 """A lane's cross-section belongs to a station if it is within these lateral and longitudinal distances."""
 _ALIGNED = 0.5
 """Cosine of 60°: a lanelet leads the same way as the path if their directions differ by less."""
@@ -49,7 +49,7 @@ class LaneBand:
 
 @dataclass(frozen=True)
 class Bands:
-    """The lane under the path and the two adjacent ones, at stations (n,) in m along the path."""
+    """The lane under the path and the two adjacent lanes, at stations (n,) in m along the path."""
 
     stations_m: Values
     under: LaneBand
@@ -92,17 +92,17 @@ def lane_bands(network: "LaneletNetwork", reference: ReferencePath) -> Bands:
     route = _route_and_beyond(graph, reference.lanelets)
     sections = [
         section
-        for key in sorted(graph.beside(route))
+        for key in sorted(graph.parallel_lanes(route))
         for section in _sections(network.find_lanelet_by_id(key), points, along, route.get(key))
     ]
     return _bands(stations, sections)
 
 
 def _route_and_beyond(graph: LaneletGraph, lanelets: tuple[int, ...]) -> dict[int, int]:
-    """Return the lanelets of a route with their positions in it, in driving order.
+    """Return the position in the route of each lanelet on it, in driving order.
 
-    Predecessors of the first lanelet have the position −1; successors of the last one, as far as a path continues, have
-    the last position.
+    Predecessors of the first lanelet have the position −1; successors of the last lanelet, as far as a path continues,
+    have the last position.
     """
     places = dict.fromkeys(graph.predecessors[lanelets[0]], -1) | {key: at for at, key in enumerate(lanelets)}
     ends = {lanelets[-1]: 0.0}
@@ -133,7 +133,7 @@ class _Section:
     def center_m(self) -> float:
         return (self.right_m + self.left_m) / 2
 
-    def comes_after(self, other: "_Section") -> bool:
+    def is_lane_change_from(self, other: "_Section") -> bool:
         """Return True if the route changes to this lane from the other lane."""
         return self.place is not None and other.place is not None and self.place > other.place
 
@@ -153,7 +153,7 @@ def _sections(lanelet: "Lanelet", points: Points, along: Points, place: int | No
     away = center[None] - points[near, None]
     ahead = np.abs((away * along[near, None]).sum(axis=2))
     aligned = directions @ along[near].T > _ALIGNED
-    ahead[~aligned.T | (np.linalg.norm(away, axis=2) > _BESIDE_M)] = np.inf
+    ahead[~aligned.T | (np.linalg.norm(away, axis=2) > _SIDE_M)] = np.inf
     nearest = ahead.argmin(axis=1)
     crossed_left = _may_cross(lanelet.line_marking_left_vertices)
     crossed_right = _may_cross(lanelet.line_marking_right_vertices)
@@ -167,8 +167,8 @@ def _sections(lanelet: "Lanelet", points: Points, along: Points, place: int | No
 
 
 def _near(points: Points, center: Points) -> NDArray[np.intp]:
-    """Return the points within ``_BESIDE_M`` of the bounding box of a line."""
-    low, high = center.min(axis=0) - _BESIDE_M, center.max(axis=0) + _BESIDE_M
+    """Return the indices of the points within ``_SIDE_M`` of the bounding box of the line ``center``."""
+    low, high = center.min(axis=0) - _SIDE_M, center.max(axis=0) + _SIDE_M
     return np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
 
 
@@ -202,13 +202,13 @@ def _bands(stations: Values, sections: Collection[_Section]) -> Bands:
 
 
 def _under(here: list[_Section]) -> _Section | None:
-    """Return the lane under the path: preferably one of the route, then the one with the nearest centre."""
+    """Return the lane under the path: preferably a lane of the route, then the one with the nearest centre."""
     holding = [section for section in here if section.right_m <= 0.0 <= section.left_m]
     return min(holding, key=lambda section: (section.place is None, abs(section.center_m)), default=None)
 
 
 def _neighbour(under: _Section, here: list[_Section], *, is_left: bool) -> _Section | None:
-    """Return the lane that touches the one under the path on a side, if the vehicle may enter it."""
+    """Return the lane that touches the lane under the path on a side, if the vehicle may enter it."""
     edge = under.left_m if is_left else under.right_m
     crossed = under.crossed_left if is_left else under.crossed_right
     candidates = [
@@ -223,7 +223,7 @@ def _neighbour(under: _Section, here: list[_Section], *, is_left: bool) -> _Sect
 
 
 def _is_next(under: _Section, neighbour: _Section | None) -> bool:
-    return neighbour is not None and neighbour.comes_after(under)
+    return neighbour is not None and neighbour.is_lane_change_from(under)
 
 
 def _adjacent_band(neighbours: list[_Section | None], is_next: list[bool], inner_m: Values) -> LaneBand:

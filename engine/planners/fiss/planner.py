@@ -7,8 +7,8 @@ the road; if that fails, all candidates are generated, and the ego drives the ch
 
 If no candidate passes, the planner falls back in its authors' order: the rest of its last plan, a plan without the hard
 distances to others, a plan that considers collisions for only 2.5 s, and braking. We add two searches before it brakes.
-The first is without the core's margins, since an ego that is already too close to a road user, would never get
-a plan. The second may exceed the desired speed, since braking in front of a follower does not help.
+The first is without the core's margins, since an ego that is already too close to a road user would never get a plan.
+The second may exceed the desired speed, since braking in front of a follower does not help.
 
 Sources: Sun, Liu, Yin, Ang: FISS: A Trajectory Planning Framework Using Fast Iterative Search and Sampling Strategy for
 Autonomous Driving, RA-L 2022 (10.1109/LRA.2022.3191940). Sun et al.: FISS+: Efficient and Focused Trajectory Generation
@@ -74,7 +74,7 @@ class _Step:
 
 
 class Fiss:
-    """The planner; see :class:`plannerforge.engine.planners.interface.Planner`."""
+    """FISS as a planner of the loop; see :class:`plannerforge.engine.planners.interface.Planner`."""
 
     def reset(self, task: PlanningTask) -> None:
         """Prepare for a new run."""

@@ -61,7 +61,7 @@ CONSTRAINTS = {
     "Curvature Rate Constraint": "curvature_rate",
 }
 """Maps the core's feasibility checks to the names in plans."""
-BESIDE_REACH_M = 15.0
+BEYOND_REACH_M = 15.0
 """√50 m of the core plus the largest lateral offset, with a margin; the ego's own length is added to it."""
 
 
@@ -75,7 +75,7 @@ class FrenetFrame:
 
     @classmethod
     def of(cls, path: Points, angle_rad: float) -> "FrenetFrame":
-        """Return the frame of a path for a middle heading."""
+        """Return the frame of a path, turned so that the heading ``angle_rad`` becomes 0."""
         origin = np.array(path[0])
         inner = np.ascontiguousarray((path - origin) @ _rotation(angle_rad))
         system = frenetix.CoordinateSystemWrapper(inner)
@@ -262,7 +262,7 @@ def sampling_matrix(
 
     Columns: t0, t1, s0, s0', s0'', s1', s1'', d0, d0', d0'', d1, d1', d1''. The matrix has about 800 rows. The end
     states include the present speed and offset, the whole horizon, and ``going_on``, the rest of the driven plan.
-    Without the latter, replanning loses a plan that stops just in time, since every new candidate takes at least
+    Without ``going_on``, replanning loses a plan that stops just in time, since every new candidate takes at least
     ``shortest_s``.
     """
     durations = np.arange(settings.shortest_s, settings.horizon_s + 1e-9, settings.duration_step_s)
@@ -314,7 +314,7 @@ class PlanningStep:
 def add_feasibility(handler: "frenetix.TrajectoryHandler", vehicle: VehicleParameters) -> None:
     """Add the four constraints that the core actually checks; they stay the same during a run.
 
-    The core's accelerations are half of the true ones (see the module), so it gets half of the limit.
+    The core's accelerations are half of the true accelerations (see the module), so it gets half of the limit.
     """
     steering, wheelbase = vehicle.maximum_steering_rad, vehicle.wheelbase_m
     handler.add_feasability_function(feasibility.CheckYawRateConstraint(steering, wheelbase, False))
@@ -395,7 +395,7 @@ def _last_within_reach(obstacle: PredictedObstacle, step: PlanningStep, vehicle:
     """
     away = np.linalg.norm(obstacle.positions - step.ego.position, axis=1)
     times = np.arange(len(away)) * step.step_s
-    within = np.flatnonzero(away <= times / step.settings.horizon_s * step.reach_m + BESIDE_REACH_M + vehicle.length_m)
+    within = np.flatnonzero(away <= times / step.settings.horizon_s * step.reach_m + BEYOND_REACH_M + vehicle.length_m)
     return int(within[-1]) if len(within) else 0
 
 

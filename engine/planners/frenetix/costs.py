@@ -5,7 +5,7 @@ have the meaning of the Frenetix reference's Python terms; responsibility is our
 
 **Responsibility** measures proximity to others for which the ego would be to blame. The idea is that of Geisslinger,
 Poszler and Lienkamp, "An ethical trajectory planning algorithm for autonomous vehicles" (Nature Machine Intelligence,
-2023): a risk counts against the ego only if the ego enters the area that the other road user may legally reach. A road
+2023). A risk counts against the ego only if the ego enters the area that the other road user may legally reach. A road
 user that leaves its own lane or ignores the right of way is itself to blame. The rules and formulas below are ours.
 
 For every candidate and obstacle, the conflict is the step with the smallest gap between their rectangles; it costs
@@ -162,7 +162,7 @@ class _Nearness:
 
 @dataclass(frozen=True)
 class _Conflict:
-    """The conflicts of some candidates (indices ``near``) with one obstacle, each at its own ``step``."""
+    """The conflicts of the candidates ``near`` (indices) with one obstacle, each at its own ``step``."""
 
     batch: CandidateBatch
     other: PredictedObstacle
@@ -173,7 +173,7 @@ class _Conflict:
     step: NDArray[np.intp]
 
     def is_the_egos(self, horizon_s: float) -> _Flags:
-        """Return whether the ego would be responsible, by the rules of the module."""
+        """Return, for each conflict, whether the ego would be responsible, by the rules of the module."""
         other, there = self.other, self.other.positions[0]
         turn = wrap_angle(float(other.headings_rad[0]) - self.heading_rad)
         reach = _reach_m(other.speed_mps, horizon_s)
@@ -183,15 +183,15 @@ class _Conflict:
             return np.full(len(self.near), (there - self.here) @ _direction(self.heading_rad) > 0.0) | self._in_front()
         if in_own_lane and before_ego > 0.0:
             return np.full(len(self.near), abs(turn) < math.pi / 2)
-        ego_in_theirs, before_other = _inside(legal, self.here)
-        if ego_in_theirs and before_other > 0.0 and abs(turn) < math.pi / 2:
+        ego_is_inside, before_other = _inside(legal, self.here)
+        if ego_is_inside and before_other > 0.0 and abs(turn) < math.pi / 2:
             return np.zeros(len(self.near), dtype=np.bool_)
         if legal is None:
             return self._in_front()
         return self._between_lanes(legal, turn)
 
     def _between_lanes(self, legal: Corridor, turn: float) -> _Flags:
-        """Return the result of rules 5 and 6, in which neither vehicle follows the other."""
+        """Return, for each conflict, the result of rules 5 and 6, in which neither vehicle follows the other."""
         points = self._points()
         left_own = np.ones(len(points), dtype=np.bool_) if self.own is None else self.own.locate(points)[1] > 0.0
         both_left = left_own & (legal.locate(self.other.positions)[1] > 0.0)[self.step]
@@ -222,7 +222,7 @@ class _Conflict:
         return np.asarray((station >= least - margin) & (station <= most + margin))
 
     def _in_front(self) -> _Flags:
-        """Return whether the obstacle is in front of the ego's centre at the conflict."""
+        """Return, for each conflict, whether the obstacle is in front of the ego's centre."""
         heading = self.batch.heading_rad[self.near, self.step]
         away = self.other.positions[self.step] - self._points()
         return np.asarray(np.cos(heading) * away[:, 0] + np.sin(heading) * away[:, 1] > 0.0)

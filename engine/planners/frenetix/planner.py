@@ -55,7 +55,7 @@ _MADE_AT_ONCE = 16
 
 
 class Frenetix:
-    """The planner; see :class:`plannerforge.engine.planners.interface.Planner`."""
+    """Frenetix as a planner of the loop; see :class:`plannerforge.engine.planners.interface.Planner`."""
 
     def __init__(
         self,
@@ -264,7 +264,7 @@ class _Feasible:
             self._step.core_s += perf_counter() - began
 
     def _make(self, rows: NDArray[np.intp]) -> None:
-        """Let the core generate the candidates of some rows of the matrix, with the row numbers as their ids."""
+        """Let the core generate the candidates of the given rows of the matrix, with the row numbers as their ids."""
         if not len(rows):
             return
         self._handler.generate_trajectories(self._matrix[rows], self._step.low_speed)

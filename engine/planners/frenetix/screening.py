@@ -1,11 +1,11 @@
 """Predicts which candidates the core would reject, and lower bounds of the costs, before the core generates them.
 
 The core takes ten times as long to generate, check and copy a candidate as the closed forms below, and of 800
-candidates a planning step uses only some dozens. This module therefore computes the constraints and the cheap cost
+candidates a planning step uses only a few dozen. This module therefore computes the constraints and the cheap cost
 terms of all candidates at once, with the core's formulas, from the coefficients of their polynomials. The last digits
 differ from the core's. A candidate is *clear* only if every value is farther from its limit than rounding can move it;
-the core decides on all others. The driven motion, its costs and the number of rejected candidates are exactly the
-core's.
+the core decides on all other candidates. The driven motion, its costs and the number of rejected candidates are exactly
+the core's.
 
 Arrays have the shape (n, m) for n candidates at m steps. "along" is s, "across" is d; second derivatives are halved, as
 in the core (see ``core.py``).
@@ -53,7 +53,7 @@ class Screening:
     def of(
         cls, matrix: Points, step: PlanningStep, vehicle: VehicleParameters, weights: dict[str, float]
     ) -> "Screening":
-        """Screen the rows of a sampling matrix; at low speed no candidate is clear."""
+        """Return the screening of the rows of a sampling matrix; at low speed no candidate is clear."""
         count = len(matrix)
         if step.low_speed:
             return cls(np.zeros(count, bool), np.zeros((count, len(CONSTRAINTS)), bool), np.zeros(count))
@@ -79,7 +79,7 @@ class _Steps:
 
     @classmethod
     def of(cls, durations_s: Values, step_s: float, count: int) -> "_Steps":
-        """Return the steps of candidates that reach their end states after some durations (n,)."""
+        """Return the steps of candidates that reach their end states after the given durations (n,)."""
         ends, index = (1.0 + durations_s / step_s).astype(np.intp), np.arange(count)
         reached = np.minimum(index, ends[:, None] - 1)
         times_s = np.asarray(step_s * reached, dtype=np.float64)
@@ -122,24 +122,24 @@ class _Motions:
         # the longitudinal motion depends on only two end values, the lateral motion on two others
         durations, final_speeds, of_pair = _pairs(matrix[:, 1], matrix[:, FINAL_SPEED])
         quartic = _quartic(matrix[0, 2:5], durations, final_speeds)
-        path, goes_so_far = _along(quartic, _Steps.of(durations, step_s, count), step)
+        path, is_driven = _along(quartic, _Steps.of(durations, step_s, count), step)
         durations, offsets, of_side = _pairs(matrix[:, 1], matrix[:, FINAL_OFFSET])
         quintic = _quintic(matrix[0, 7:10], durations, offsets)
         side = _across(quintic, _Steps.of(durations, step_s, count))
         steps = _Steps.of(matrix[:, 1], step_s, count)
-        speed, half_acceleration, bend, bend_change, direction = (row[of_pair] for row in path)
+        speed, half_acceleration, curvatures, curvature_change, direction = (row[of_pair] for row in path)
         across, drift, half_drift_change = (row[of_side] for row in side)
         is_slow = speed <= _SLOW_MPS
         divisor = np.where(is_slow, 1.0, speed)
         slope = np.where(is_slow, 0.0, drift / divisor)
         slope_change = np.where(is_slow, 0.0, (half_drift_change - slope * half_acceleration) / divisor**2)
-        scale = 1.0 - bend * across
+        scale = 1.0 - curvatures * across
         secant = np.sqrt(1.0 + slope**2)  # 1 / cos of the heading relative to the path; slope is its tangent
         stretch = scale * secant
-        away = bend * slope + bend_change * across
-        curvature = (slope_change + away * slope) / (secant * stretch**2) + bend / stretch
+        away = curvatures * slope + curvature_change * across
+        curvature = (slope_change + away * slope) / (secant * stretch**2) + curvatures / stretch
         acceleration = half_acceleration * stretch + speed**2 * secant * (
-            scale * slope * (curvature * stretch - bend) - away
+            scale * slope * (curvature * stretch - curvatures) - away
         )
         return cls(
             speed=speed,
@@ -151,22 +151,22 @@ class _Motions:
             heading=np.arctan(slope) + direction,
             is_checked=steps.is_checked,
             is_slow=is_slow,
-            is_regular=goes_so_far[of_pair] & (steps.ends <= count) & (scale > _LEAST_SCALE).all(axis=1),
+            is_regular=is_driven[of_pair] & (steps.ends <= count) & (scale > _LEAST_SCALE).all(axis=1),
             jerk_along=_jerk(quartic, step_s)[of_pair],
             jerk_across=_jerk(quintic, step_s)[of_side],
         )
 
     def exceeded(self, vehicle: VehicleParameters, step_s: float) -> list[tuple[_Flags, _Flags]]:
-        """Return for every constraint which candidates certainly break it, and which may break it, (n,) each."""
-        bend = np.tan(vehicle.maximum_steering_rad) / vehicle.wheelbase_m
+        """Return for every constraint two masks (n,): the candidates that certainly break it, and those that may."""
+        curvature = np.tan(vehicle.maximum_steering_rad) / vehicle.wheelbase_m
         error = _ROUNDING * (1.0 + np.abs(self.curvature))
         error += _ROUNDING_OF_CURVATURE / np.where(self.is_slow, 1.0, self.speed) ** 2
         is_checked, unknown = self.is_checked, self.is_checked & self.is_slow
-        yaw_rate = np.abs(np.diff(self.heading, axis=1)) / step_s - bend * self.velocity[:, 1:]
+        yaw_rate = np.abs(np.diff(self.heading, axis=1)) / step_s - curvature * self.velocity[:, 1:]
         largest = vehicle.maximum_acceleration_mps2 / SECOND_DERIVATIVE_FACTOR
         powered = largest * vehicle.switching_speed_mps / np.maximum(self.velocity, vehicle.switching_speed_mps)
         pushed = np.maximum(self.acceleration - powered, -largest - self.acceleration)
-        bent = np.abs(self.curvature) - bend
+        bent = np.abs(self.curvature) - curvature
         changed = np.abs(np.diff(self.curvature, axis=1)) / step_s - _LARGEST_CURVATURE_RATE
         after = is_checked[:, 1:]
         unknown_after = after & (self.is_slow[:, 1:] | self.is_slow[:, :-1])
@@ -197,7 +197,10 @@ class _Motions:
 
 
 def _excess(above: Points, error: Points | float, counted: _Flags, unknown: _Flags) -> tuple[_Flags, _Flags]:
-    """Return in which rows a value is certainly above zero, and in which it may be; ``unknown`` allows any."""
+    """Return two masks of rows: those where a value is certainly above zero, and those where it may be.
+
+    ``unknown`` marks entries that may have any value.
+    """
     sure = (above > error) & counted & ~unknown
     maybe = ((above > -error) & counted) | unknown
     return np.asarray(sure.any(axis=1)), np.asarray(maybe.any(axis=1))
@@ -260,14 +263,14 @@ def _along(quartic: Points, steps: _Steps, step: PlanningStep) -> tuple[tuple[Po
     station, speed, half_acceleration = _values(quartic, steps.times_s)
     station += steps.beyond_s * speed
     half_acceleration[~steps.is_checked] = 0.0
-    stations, bends, changes = (np.array(one) for one in (system.ref_pos, system.ref_curv, system.ref_curv_d))
+    stations, curvatures, changes = (np.array(one) for one in (system.ref_pos, system.ref_curv, system.ref_curv_d))
     direction = np.interp(station, stations, np.unwrap(np.array(system.ref_theta)))
     direction -= 2.0 * np.pi * np.round(direction / (2.0 * np.pi))
     room_m = _ROUNDING * max(float(stations[-1]), 1.0)
     is_on_path = (station > stations[0] + room_m) & (station < stations[-1] - room_m)
     is_on_path &= np.abs(direction) < _FARTHEST_RAD
-    bend, change = np.interp(station, stations, bends), np.interp(station, stations, changes)
-    return (speed, half_acceleration, bend, change, direction), np.asarray(is_on_path.all(axis=1))
+    curvature, change = np.interp(station, stations, curvatures), np.interp(station, stations, changes)
+    return (speed, half_acceleration, curvature, change, direction), np.asarray(is_on_path.all(axis=1))
 
 
 def _across(quintic: Points, steps: _Steps) -> tuple[Points, Points, Points]:

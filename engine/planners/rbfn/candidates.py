@@ -171,14 +171,14 @@ class Samples:
 class Candidates:
     """Motions of n candidates over m steps in world coordinates, and their last positions relative to the path.
 
-    ``known``: whether the network knows the primitive. ``primitive_steps`` (n,): its number of steps. ``goes_on``:
+    ``known``: whether the network knows the primitive. ``primitive_steps`` (n,): its number of steps. ``can_continue``:
     whether it ends along the path or standing. ``gentleness`` (n,): mean change of speed in m/s² over the ramp.
     ``stops_s`` (n,): the time of its standstill, otherwise infinite.
     """
 
     motions: Motions
     known: NDArray[np.bool_]
-    goes_on: NDArray[np.bool_]
+    can_continue: NDArray[np.bool_]
     primitive_steps: NDArray[np.intp]
     gentleness: Values
     stops_s: Values
@@ -213,10 +213,10 @@ def candidates(
 ) -> Candidates:
     """Return the motions to sampled ends at m times; the first is 0."""
     span = samples.duration_s
-    way = samples.travelled_m(start, span[:, None])[:, 0]
-    station = _stations_after(path, start, samples.offset_m, way)
+    distances_m = samples.travelled_m(start, span[:, None])[:, 0]
+    station = _stations_after(path, start, samples.offset_m, distances_m)
     motions, known = motion_primitives(
-        network, start.speed_mps, start.curvature_per_m, _ends(path, start, samples, way, station), times_s
+        network, start.speed_mps, start.curvature_per_m, _ends(path, start, samples, distances_m, station), times_s
     )
     on_path, last_m = _along(path, start, samples, station, times_s)
     cos, sin = np.cos(start.heading_rad), np.sin(start.heading_rad)
@@ -231,7 +231,7 @@ def candidates(
             strict=True,
         )
     )
-    still = samples.as_steered & (way < _STANDING_M)
+    still = samples.as_steered & (distances_m < _STANDING_M)
     as_now = (*start.position, start.heading_rad, 0.0, start.curvature_per_m)
     standing = (np.where(still[:, None], now, values) for now, values in zip(as_now, merged, strict=True))
     stands = np.where(samples.target_mps > 0.0, np.inf, samples.ramp_s)
@@ -247,32 +247,32 @@ def candidates(
     )
 
 
-def _stations_after(path: PathTable, start: Start, offsets_m: Values, way_m: Values) -> Values:
+def _stations_after(path: PathTable, start: Start, offsets_m: Values, distances_m: Values) -> Values:
     """Return the stations at which primitives of a length and end offset end, shape (n,).
 
     Lateral motion uses up distance. At an offset, the distance is longer or shorter than along the path, depending on
     the curvature.
     """
     aside = offsets_m - start.offset_m
-    ahead = np.sqrt(np.maximum(way_m**2 - 1.2 * aside**2, (0.3 * way_m) ** 2))
+    ahead = np.sqrt(np.maximum(distances_m**2 - 1.2 * aside**2, (0.3 * distances_m) ** 2))
     turn = path.at(start.station_m + ahead)[:, 2] - path.at(np.array([start.station_m]))[:, 2]
     curvature = turn / np.maximum(ahead, _SPACING_M)
     pace = np.maximum(1.0 - curvature * (offsets_m + start.offset_m) / 2, _LEAST_PACE)
     return np.asarray(start.station_m + ahead / pace)
 
 
-def _ends(path: PathTable, start: Start, samples: Samples, way_m: Values, station_m: Values) -> PrimitiveEnds:
+def _ends(path: PathTable, start: Start, samples: Samples, distances_m: Values, station_m: Values) -> PrimitiveEnds:
     """Return the primitives' ends relative to the rear axle."""
     here = path.at(station_m)
-    heading, bend = here[:, 2], here[:, 3]
+    heading, end_curvature = here[:, 2], here[:, 3]
     x = here[:, 0] - samples.offset_m * np.sin(heading) - start.position[0]
     y = here[:, 1] + samples.offset_m * np.cos(heading) - start.position[1]
     cos, sin = np.cos(start.heading_rad), np.sin(start.heading_rad)
     begin_rad = float(path.at(np.array([start.station_m]))[0, 2]) + start.turned_rad
-    curvature = bend / np.maximum(1.0 - bend * samples.offset_m, _LEAST_PACE)
+    curvature = end_curvature / np.maximum(1.0 - end_curvature * samples.offset_m, _LEAST_PACE)
     steered = samples.as_steered
-    turn = start.curvature_per_m * way_m
-    chord = way_m * np.sinc(turn / (2 * np.pi))
+    turn = start.curvature_per_m * distances_m
+    chord = distances_m * np.sinc(turn / (2 * np.pi))
     gained = np.minimum(samples.duration_s / samples.ramp_s, 1.0)
     return PrimitiveEnds(
         samples.duration_s,
@@ -292,21 +292,21 @@ def _along(
     The headings continue those of the start, whatever multiple of 2π the path's headings have.
     """
     offset = samples.offset_m
-    way = samples.travelled_m(start, np.maximum(times_s, samples.duration_s[:, None]))
-    stations = np.empty_like(way)
+    distances_m = samples.travelled_m(start, np.maximum(times_s, samples.duration_s[:, None]))
+    stations = np.empty_like(distances_m)
     stations[:, 0] = now = station_m
-    for step, gained in enumerate(np.diff(way, axis=1).T, start=1):
+    for step, gained in enumerate(np.diff(distances_m, axis=1).T, start=1):
         pace = np.maximum(1.0 - path.at(now)[:, 3] * offset, _LEAST_PACE)
         stations[:, step] = now = now + gained / pace
     here = path.at(stations)
-    x, y, heading, bend = (here[..., column] for column in range(4))
+    x, y, heading, curvature = (here[..., column] for column in range(4))
     behind = start.heading_rad - start.turned_rad - float(path.at(np.array([start.station_m]))[0, 2])
     motions = Motions(
         x - offset[:, None] * np.sin(heading),
         y + offset[:, None] * np.cos(heading),
         heading + behind,
         samples.speeds_at(start, times_s),
-        bend / np.maximum(1.0 - bend * offset[:, None], _LEAST_PACE),
+        curvature / np.maximum(1.0 - curvature * offset[:, None], _LEAST_PACE),
     )
     return motions, np.asarray(stations[:, -1])
 
@@ -326,7 +326,7 @@ class Driven:
     def rest(self, path: PathTable, step: int, step_s: float) -> Candidates | None:
         """Return the rest at a later step, continued along the path at its last speed; None if it ends at an angle."""
         gone, before = step - self.first_step, self.chosen
-        if not before.goes_on[0]:
+        if not before.can_continue[0]:
             return None
         last = [values[:, -1] for values in _arrays(before.motions)]
         x, y, heading, speed, _ = last
@@ -353,7 +353,7 @@ class Driven:
         return Candidates(
             Motions(*joined),
             before.known,
-            before.goes_on,
+            before.can_continue,
             np.maximum(before.primitive_steps - gone, 0),
             before.gentleness,
             np.maximum(before.stops_s - gone * step_s, 0.0),

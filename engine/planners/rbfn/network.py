@@ -7,7 +7,7 @@ control problem. Scaling, network and training are ours.
 
 **Scaling.** Measured in its own duration and in the length of its chord, every primitive belongs to a family with six
 boundary values, regardless of speed, duration and wheelbase. With ``T`` the duration, ``l`` the chord, ``v`` the speed
-and ``k`` the curvature (tangent of the steering angle by the wheelbase), ``V = v·T/l`` and ``K = k·l``:
+and ``k`` the curvature (tangent of the steering angle ÷ wheelbase), ``V = v·T/l`` and ``K = k·l``:
 
 - ``dx/dτ = V cos ψ``, ``dy/dτ = V sin ψ``, ``dψ/dτ = V·K``, for τ from 0 to 1;
 - the inputs are V and K at the start, the bearing of the chord, the turn ψ(1), and K and V at the end;
@@ -16,7 +16,7 @@ and ``k`` the curvature (tangent of the steering angle by the wheelbase), ``V = 
 **Network.** One linear layer (the standardised inputs), Gaussian radial units, one linear layer. Its outputs are the
 differences of V and K from the straight line between their ends, at 29 inner nodes; between nodes both are linear, as
 in the samples. Integrating them gives the pose, so every primitive satisfies the model, however well the network is
-trained; a training error only makes it miss the end. A smooth shift along the primitive closes this miss.
+trained; a training error only makes it miss the end, and a smooth shift along the primitive corrects that.
 """
 
 from dataclasses import dataclass
@@ -131,7 +131,7 @@ def scaled_inputs(speed_mps: float, curvature_per_m: float, ends: PrimitiveEnds)
 
 
 def _to_the_left(inputs: Points) -> tuple[Points, Values]:
-    """Return the inputs, mirrored if the bearing is to the right, and the sides: −1 for mirrored ones."""
+    """Return the inputs, mirrored if the bearing is to the right, and the sides: −1 for mirrored inputs."""
     side = np.where(inputs[:, 2] < 0.0, -1.0, 1.0)
     mirrored = inputs.copy()
     mirrored[:, 1:5] *= side[:, None]
@@ -169,9 +169,8 @@ def motion_primitives(
 ) -> tuple[Motions, _Flags]:
     """Return the primitives to n ends at m times, and whether the network knows each of them.
 
-    It knows a primitive if the training covered its inputs and its end is missed only slightly.
-
-    They start at the origin with the heading along x. After its duration a primitive stays at its end.
+    The network knows a primitive if the training covered the inputs and the primitive misses its end only slightly.
+    Primitives start at the origin with the heading along x. After its duration a primitive stays at its end.
     """
     inputs, chord = scaled_inputs(speed_mps, curvature_per_m, ends)
     curvature, speed = network.profiles(inputs)

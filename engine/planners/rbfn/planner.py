@@ -46,7 +46,7 @@ class _Step:
 
 
 class RadialBasisPrimitives:
-    """The planner; see :class:`plannerforge.engine.planners.interface.Planner`."""
+    """MP-RBFN as a planner of the loop; see :class:`plannerforge.engine.planners.interface.Planner`."""
 
     def __init__(self, network: PrimitiveNetwork | None = None) -> None:
         self._network = network or PrimitiveNetwork.shipped()
@@ -105,7 +105,7 @@ class RadialBasisPrimitives:
         return Start.of(self._path, rear, ego.heading_rad, ego.speed_mps, curvature), rest
 
     def _drivable(self, found: Candidates, rejected: Counter[str]) -> NDArray[np.intp]:
-        """Return the candidates that the network knows and the vehicle can drive, and count each of the others once."""
+        """Return the candidates that the network knows and the vehicle can drive; count each other candidate once."""
         vehicle, motions = self._task.vehicle, found.motions
         slips, turns = broken_limits(motions.heading_rad, motions.speed_mps, vehicle, self._task.step_s)
         steering = np.arctan(vehicle.wheelbase_m * motions.curvature_per_m)
@@ -125,7 +125,7 @@ class RadialBasisPrimitives:
     def _costs(
         self, found: Candidates, drivable: NDArray[np.intp], start: Start, desired_mps: float, observation: Observation
     ) -> dict[str, Values]:
-        """Return the unweighted costs of the feasible candidates, for the channels that have a weight."""
+        """Return the unweighted costs of the feasible candidates by channel, for the channels that have a weight."""
         if not len(drivable):
             return {}
         every = max(round(_COSTED_S / self._task.step_s), 1)
@@ -134,8 +134,8 @@ class RadialBasisPrimitives:
             values[np.ix_(drivable, steps)]
             for values in (found.motions.x_m, found.motions.y_m, found.motions.heading_rad)
         )
-        way = np.cumsum(found.motions.speed_mps[drivable], axis=1) * self._task.step_s
-        _, offset, along = self._path.coordinates(x, y, start.station_m + way[:, steps])
+        distances_m = np.cumsum(found.motions.speed_mps[drivable], axis=1) * self._task.step_s
+        _, offset, along = self._path.coordinates(x, y, start.station_m + distances_m[:, steps])
         back = self._task.vehicle.rear_axle_behind_center_m
         batch = ChannelBatch(
             steps=steps,

@@ -99,11 +99,12 @@ class Driven:
 
 @dataclass(frozen=True)
 class DriverScene:
-    """The ego's body and brakes, its motion until its driver reacts, and the others along its path.
+    """The ego's body and brakes, its motion until its driver reacts, and the other road users along its path.
 
     ``body``: length and width in m. ``met``: the road user that it collided with, extended beyond its track by
-    :func:`going_on`; ``met_until``: the last step of its track. ``others``: all others. On the driven path, a driver
-    reacts only to ``met``, since the ego has already reacted to the others. On its lane, it reacts to all of them.
+    :func:`going_on`; ``met_until``: the last step of its track. ``others``: all other road users. On the driven path, a
+    driver reacts only to ``met``, since the ego has already reacted to the others. On its lane, it reacts to all of
+    them.
     """
 
     nominal: NominalMotion
@@ -126,12 +127,12 @@ class DriverScene:
 
     @cached_property
     def _met(self) -> OnPath:
-        return self._on_way(self.met)
+        return self._on_path(self.met)
 
     @cached_property
     def _watched(self) -> list[OnPath]:
-        """The others to which the driver reacts, or that may hide ``met`` from it."""
-        rows = [self._on_way(track) for track in self._near_the_path]
+        """The road users to which the driver reacts, or that may hide ``met`` from it."""
+        rows = [self._on_path(track) for track in self._near_the_path]
         if not self.nominal.was_driven:
             return rows
         return [row for row in rows if row.hides and bool((row.aside_m < self.body[1] / 2).any())]
@@ -151,7 +152,7 @@ class DriverScene:
                 near.append(part)
         return near
 
-    def _on_way(self, track: Track) -> OnPath:
+    def _on_path(self, track: Track) -> OnPath:
         index = min(max(track.first_step - self.first_step, 0), self.count - 1)
         return OnPath.of(self.nominal.path, track, self.step_s, float(self.nominal.stations_m[index]))
 
@@ -200,7 +201,7 @@ class DriverScene:
         return met is not None and met.is_passed and met.along_mps <= speed
 
     def _seen(self, index: int, station: float, met: Seen | None) -> tuple[Seen, ...]:
-        """Return what the driver sees: ``met`` unless it is hidden, and on its lane all others."""
+        """Return what the driver sees: ``met`` unless it is hidden, and on its lane all other road users."""
         if not self._watched:
             return () if met is None else (met,)
         if self.nominal.was_driven and (met is None or not met.is_in_way):
@@ -288,7 +289,7 @@ class DriverScene:
     def latest_takeover(self, driver: ReferenceDriver, last: int) -> int | None:
         """Return the latest state for a takeover, at most ``last``; None if even the first state is too late.
 
-        Uses bisection: the driver prevents the collision from that state, but not from the next one.
+        Uses bisection: the driver prevents the collision from that state, but not from the next state.
         """
         if not self.prevents(driver):
             return None
@@ -308,9 +309,9 @@ def going_on(track: Track, last_step: int, step_s: float) -> Track:
     slowing = 0.0 if back < 1 else (float(track.speeds_mps[-1 - back]) - speed) / (back * step_s)
     slowing = slowing if slowing > _BRAKES_MPS2 else 0.0
     speeds = np.maximum(speed - slowing * np.arange(1, count + 1) * step_s, 0.0)
-    ways = np.cumsum((np.concatenate([[speed], speeds[:-1]]) + speeds) / 2 * step_s)
+    distances_m = np.cumsum((np.concatenate([[speed], speeds[:-1]]) + speeds) / 2 * step_s)
     heading = float(track.headings_rad[-1])
-    positions = track.positions[-1] + np.outer(ways, [np.cos(heading), np.sin(heading)])
+    positions = track.positions[-1] + np.outer(distances_m, [np.cos(heading), np.sin(heading)])
     return replace(
         track,
         positions=np.concatenate([track.positions, positions]),

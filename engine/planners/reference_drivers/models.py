@@ -11,7 +11,7 @@ up.
   paragraphs (3.3 and 3.4 of the first version) are not checked against the regulation's text.
 * :class:`FuzzyDriver`: the fuzzy safety model (FSM; performance model 2 there). Mattas and others, "Fuzzy surrogate
   safety metrics for real-time assessment of rear-end collision risk", Accident Analysis and Prevention 148, 2020, and
-  "Driver models for the definition of safety requirements of automated vehicles in international regulations", there
+  "Driver models for the definition of safety requirements of automated vehicles in international regulations", volume
   174, 2022. The parameters are those of the code that the European Commission's Joint Research Centre publishes
   (JRC-FSM); the formulas also match those of the 01 series of amendments.
 * :class:`RssDriver`: Responsibility-Sensitive Safety. Shalev-Shwartz, Shammah, Shashua, "On a formal model of safe and
@@ -50,9 +50,9 @@ class Brakes:
         full = self.full_mps2 if friction is None else min(self.full_mps2, friction * GRAVITY_MPS2)
         return self if full == self.full_mps2 else Brakes(full, full / self.jerk_mps3)
 
-    def after(self, braking_mps2: float, wanted_mps2: float, step_s: float) -> float:
-        """Return the deceleration one step later for a wanted one; releasing the pedal takes no time."""
-        return min(braking_mps2 + self.jerk_mps3 * step_s, self.full_mps2, wanted_mps2)
+    def after(self, braking_mps2: float, target_mps2: float, step_s: float) -> float:
+        """Return the deceleration one step later, given the wanted deceleration; releasing the pedal takes no time."""
+        return min(braking_mps2 + self.jerk_mps3 * step_s, self.full_mps2, target_mps2)
 
 
 CAR_BRAKES = Brakes(0.774 * GRAVITY_MPS2, 0.6)
@@ -60,7 +60,7 @@ CAR_BRAKES = Brakes(0.774 * GRAVITY_MPS2, 0.6)
 HEAVY_BRAKES = Brakes(5.0, 0.6 / 0.75)
 """Trucks and buses: 5 m/s² is the least performance of the service brakes of categories M2, M3, N2 and N3 (UN R13,
 Annex 4; adopted by UN R157 in its Supplement 3, ECE/TRANS/WP.29/2021/143/Rev.1; UN R79, annex 3, requires the same).
-The build-up is that of UN R13, Annex 6, 0.6 s until the pressure reaches 75 %, not checked against its text.
+The build-up is that of UN R13, Annex 6, 0.6 s until the pressure reaches 75%, not checked against its text.
 """
 _HEAVY = ("truck", "bus")
 
@@ -121,7 +121,7 @@ def _headway_s(gap_m: float, own_mps: float) -> float:
 
 @dataclass(frozen=True)
 class Moment:
-    """A driver's perception: the time, its own speed and acceleration, and the others ahead, including hidden ones."""
+    """A driver's perception: the time, its own speed and acceleration, and the road users ahead, hidden or not."""
 
     time_s: float
     own_mps: float
@@ -130,7 +130,7 @@ class Moment:
 
     @property
     def visible(self) -> tuple[Seen, ...]:
-        """The others that the driver can see."""
+        """The road users that the driver can see."""
         return tuple(seen for seen in self.seen if seen.hider_gap_m is None)
 
 
@@ -300,12 +300,12 @@ class _RespondingDriver(ABC):
 
     def react(self, memory: _Alertness, moment: Moment) -> tuple[_Alertness, float | None]:
         """Brake according to the danger, after the response time."""
-        wanted = max((self.wanted_mps2(seen, moment) for seen in moment.visible), default=0.0)
+        wanted = max((self.target_mps2(seen, moment) for seen in moment.visible), default=0.0)
         memory = memory.after(wanted > 0, moment.time_s, self.response_s)
         return memory, wanted if wanted > 0 and memory.responds(moment.time_s, self.response_s) else None
 
     @abstractmethod
-    def wanted_mps2(self, seen: Seen, moment: Moment) -> float:
+    def target_mps2(self, seen: Seen, moment: Moment) -> float:
         """Return the deceleration that one road user requires of the driver; 0 if it is safe."""
 
 
@@ -330,7 +330,7 @@ class FuzzyDriver(_RespondingDriver):
         """The name of this driver."""
         return "fsm"
 
-    def wanted_mps2(self, seen: Seen, moment: Moment) -> float:
+    def target_mps2(self, seen: Seen, moment: Moment) -> float:
         """Return the deceleration that one road user requires of the driver; 0 if it is safe."""
         if seen.is_passed:
             return 0.0
@@ -367,7 +367,7 @@ class FuzzyDriver(_RespondingDriver):
 
 
 def _share_between(value: float, none: float, all_: float) -> float:
-    """Return 0 at or above one value, 1 at or below a smaller value, and a linear share between them."""
+    """Return 0 at or above the value ``none``, 1 at or below the smaller value ``all_``, and a linear share between."""
     return float(value < all_) if none <= all_ else min(max((none - value) / (none - all_), 0.0), 1.0)
 
 
@@ -376,10 +376,10 @@ class RssDriver(_RespondingDriver):
     """The driver of Responsibility-Sensitive Safety, which brakes fully while both distances to a road user are unsafe.
 
     The longitudinal distance is definition 1 for a road user in the driver's direction, without acceleration during the
-    response (a driver that keeps its speed), and definition 2 for an oncoming one. The lateral distance is definition 6
-    with a driver that keeps its lane. RSS leaves the values open: ``response_s`` is UN R157's delay, ``own_mps2`` and
-    ``front_mps2`` are the decelerations that the driver assumes for itself and for others, ``across_mps2`` and
-    ``fluctuation_m`` are those of the Joint Research Centre's comparison of the driver models.
+    response (a driver that keeps its speed), and definition 2 for an oncoming road user. The lateral distance is
+    definition 6 with a driver that keeps its lane. RSS leaves the values open: ``response_s`` is UN R157's delay,
+    ``own_mps2`` and ``front_mps2`` are the decelerations that the driver assumes for itself and for others,
+    ``across_mps2`` and ``fluctuation_m`` are those of the Joint Research Centre's comparison of the driver models.
     """
 
     own_mps2: float = 4.0
@@ -392,12 +392,12 @@ class RssDriver(_RespondingDriver):
         """The name of this driver."""
         return "rss"
 
-    def wanted_mps2(self, seen: Seen, moment: Moment) -> float:
+    def target_mps2(self, seen: Seen, moment: Moment) -> float:
         """Return full braking if the distances to a road user are unsafe; 0 if they are safe."""
         return math.inf if self.is_unsafe(seen, moment.own_mps) else 0.0
 
     def is_unsafe(self, seen: Seen, own_mps: float) -> bool:
-        """Return True if both distances to a road user are below the safe ones."""
+        """Return True if both distances to a road user are below the safe distances."""
         if seen.is_passed or 0 < seen.aside_m >= self.safe_aside_m(seen.nearing_mps):
             return False
         return max(seen.gap_m, 0.0) < self.safe_distance_m(own_mps, seen.along_mps)

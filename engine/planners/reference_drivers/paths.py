@@ -1,8 +1,8 @@
 """The path of a driver, and how the driver perceives recorded road users along it.
 
-Stations are arc lengths in m along the path. Others are projected with continuity, so that a road user next to a curve,
-or a path that crosses itself, causes no jump. The extent of another's body along and across the path is that of its
-rectangle, turned relative to the path.
+Stations are arc lengths in m along the path. Other road users are projected with continuity, so that a road user next
+to a curve, or a path that crosses itself, causes no jump. The extent of a road user's body along and across the path is
+that of its rectangle, turned relative to the path.
 """
 
 import math
@@ -124,7 +124,7 @@ class OnPath:
         return gaps
 
     def seen(self, step: int, station_m: float, body: tuple[float, float], step_s: float) -> Seen | None:
-        """Return how a driver with its centre at a station perceives the road user; None if it is absent at the step.
+        """Return the road user as a driver with its centre at a station perceives it; None if it is absent at the step.
 
         ``body``: length and width of the driver's vehicle.
         """
@@ -149,13 +149,13 @@ class OnPath:
 
     @cached_property
     def _rows(self) -> list[tuple[float, float, float, float, float]]:
-        """Station, extent along the path, gap to its line, speed along it and deceleration of each state."""
+        """For each state: station, extent along the path, gap to its line, speed along it, and deceleration."""
         columns = self.middle_m, self.half_along_m, self.aside_m, self.along_mps, self.slowing_mps2
         return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
 def with_hidden(seen: Sequence[tuple[Seen, float, bool]], wandering_m: float) -> tuple[Seen, ...]:
-    """Return what is ahead of a driver, with hidden road users marked (UN R157, Annex 4, Appendix 3, 3.4.2).
+    """Return the road users ahead of a driver, with the hidden ones marked (UN R157, Annex 4, Appendix 3, 3.4.2).
 
     Each entry has the offset of its centre from the path, and whether it hides others. One that is ahead in the path
     hides what is in the path beyond it, until its centre is farther from the middle of the path than the wandering

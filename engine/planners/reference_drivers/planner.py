@@ -1,10 +1,11 @@
 """Reference drivers as planners: they follow the reference path and brake by their models.
 
 The models do not define the driving while they do not react. With ``follows`` the planner drives like the Intelligent
-Driver Model (``idm.py``): to the goal, at its time headway behind others, braking at most comfortably. Without it, it
-keeps its lane and its initial speed until it reacts, and after reacting the speed that it then has, like the reference
-drivers of verdicts. Its model perceives the others as observed when the plan is made; within a plan they move as
-predicted. The lateral motion and the speeds in curves are those of the Intelligent Driver Model.
+Driver Model (``idm.py``): to the goal, at its time headway behind others, braking at most comfortably. Without
+``follows``, the planner keeps its lane and its initial speed until it reacts. After a reaction, it keeps the speed that
+it then has, like the reference drivers of verdicts. Its model perceives the others as observed when the plan is made;
+within a plan they move as predicted. The lateral motion and the speeds in curves are those of the Intelligent Driver
+Model.
 """
 
 from collections.abc import Callable, Mapping
@@ -210,7 +211,7 @@ class _Ahead:
     body: tuple[float, float]
 
     def seen(self, index: int, station_m: float) -> tuple[Seen, ...]:
-        """Return what a driver with its centre at a station perceives ``index`` steps ahead."""
+        """Return the obstacles as a driver with its centre at a station perceives them ``index`` steps ahead."""
         found = []
         for row in self.rows:
             if index >= len(row.middle_m):

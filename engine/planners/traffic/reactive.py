@@ -40,7 +40,7 @@ _MOST_OBLIQUE_RAD = 0.8
 """An ego that is turned farther across its lane is shown in its own heading, since no box along the lane
 fits (chosen).
 """
-_BESIDE_EGO_M = 0.3
+_EGO_MARGIN_M = 0.3
 """Space that the others leave at the sides of the ego. SUMO models neither a vehicle's turn during lateral motion nor
 an overlap with the next lane of less than a sublane.
 """
@@ -60,7 +60,7 @@ _COMFORTABLE_DECELERATION_MPS2 = 4.5
 def reactive_traffic(
     loaded: LoadedScenario, problem: "PlanningProblem", vehicle: VehicleParameters, seed: int
 ) -> Iterator[Traffic]:
-    """Yield the others of a scenario, driven by SUMO from the ego's first step.
+    """Yield the other road users of a scenario, driven by SUMO from the ego's first step.
 
     Raises:
         NotPossible: No lanelet of the scenario is drivable.
@@ -72,6 +72,9 @@ def reactive_traffic(
         roles = TrafficRoles.of(loaded, ego.step)
         if not roles.scene.layout.edges:
             raise NotPossible("no lanelet is drivable, so no vehicle can react", next_step="run with traffic recorded")
+        if not roles.driven:  # nobody reacts but by scripts, so there is nothing to simulate
+            yield _ScriptedTraffic(roles, ego, vehicle)
+            return
         net = folder / "scenario.net.xml"
         signals = signals_of(roles.scene.network, loaded.step_s, ego.step)
         net.write_text(sumo_net(roles.scene.layout, roles.scene.lane_speeds_mps, signals), encoding="utf-8")
@@ -106,7 +109,10 @@ def _insert(sumo: Sumo, actor: Actor) -> bool:
 
 
 class _ReactiveTraffic:
-    """The other road users of a run; those in ``on_recording`` followed it, since SUMO could not take them over."""
+    """The other road users of a run.
+
+    Those in ``on_recording`` followed their recordings, since SUMO could not take them over.
+    """
 
     def __init__(
         self, sumo: Sumo, roles: TrafficRoles, ego_edges: tuple[str, ...], ego: EgoState, vehicle: VehicleParameters
@@ -141,7 +147,7 @@ class _ReactiveTraffic:
 
     @property
     def triggers(self) -> tuple[TriggerOutcome, ...]:
-        """Triggers of scripted motions by the road user's id, and whether they have fired up to the present step."""
+        """The triggers of scripted motions by road user, and whether they have fired up to the present step."""
         return tuple(outcome for actor in self._scripted.values() for outcome in actor.triggers(self._first_step))
 
     def advance(self, ego: EgoState) -> None:
@@ -167,13 +173,7 @@ class _ReactiveTraffic:
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
         """Return id and type of the lowest-id obstacle that overlaps the ego's rectangle at the ego's step, or None."""
-        hit = self._roles.replayed.hit_by(ego, vehicle)
-        own = rectangle(ego, vehicle)
-        for track in self.driven:
-            index = track.index_at(ego.step)
-            if index is not None and own.collide(_body(track, index)):
-                hit = min(hit or (track.obstacle_id, track.kind), (track.obstacle_id, track.kind))
-        return hit
+        return _least_hit(self._roles.replayed.hit_by(ego, vehicle), self.driven, ego, vehicle)
 
     def _may_start(self, actor: Actor, ego: EgoState) -> bool:
         """Return True if it is time and the position is free; a vehicle waits if it would have to hit another one.
@@ -194,7 +194,7 @@ class _ReactiveTraffic:
             direction, turned = ego.heading_rad, 0.0
         width_m = self._ego_vehicle.width_m * math.cos(turned) + self._ego_vehicle.length_m * math.sin(turned)
         pose = sumo_pose(float(ego.position[0]), float(ego.position[1]), direction, self._ego_vehicle.length_m)
-        self._ego.place(pose, hint, width_m + 2 * _BESIDE_EGO_M)
+        self._ego.place(pose, hint, width_m + 2 * _EGO_MARGIN_M)
 
     def _place_shown(self, step: int) -> None:
         for actor in (*self._roles.shown, *self._lost):
@@ -213,7 +213,7 @@ class _ReactiveTraffic:
                 self._shown[actor.key].settle(speed_mps, there)
 
     def _shown_place(self, actor: Actor, step: int) -> tuple[tuple[float, float, float], LaneHint] | None:
-        """Return where SUMO must show a road user, or None if it is absent."""
+        """Return the pose and the lane at which SUMO must show a road user, or None if it is absent."""
         scripted = self._scripted.get(actor.track.obstacle_id)
         if scripted is None:
             index = self._shown_index(actor, step)
@@ -299,10 +299,55 @@ class _ReactiveTraffic:
             grown.add(*state)
             if actor.key in there:
                 self._sumo.show_speed(actor.key, state[3])
-                self._sumo.let_drive(actor.key)
+                self._sumo.release(actor.key)
                 self._under_way.append(actor)
             else:
                 self._lost.append(actor)
+
+
+class _ScriptedTraffic:
+    """Other road users that follow recordings, or scripts that depend on the ego: SUMO drives none of them."""
+
+    def __init__(self, roles: TrafficRoles, ego: EgoState, vehicle: VehicleParameters) -> None:
+        self._replayed, self._first_step = roles.replayed, ego.step
+        self._scripted = actors_of(roles.scripts, roles.scene, vehicle)
+        self.moving: tuple[Track, ...] = ()
+        self.standing = roles.replayed.standing
+        self.on_recording = tuple(sorted(track.obstacle_id for track in roles.replayed.moving))
+        self.advance(ego)
+
+    @property
+    def driven(self) -> tuple[Track, ...]:
+        """The tracks up to the present step of those that the ego may influence, by ascending id."""
+        tracks = {key: track for key, actor in self._scripted.items() if (track := actor.driven) is not None}
+        return tuple(tracks[key] for key in sorted(tracks))
+
+    @property
+    def triggers(self) -> tuple[TriggerOutcome, ...]:
+        """Triggers of scripted motions by the road user's id, and whether they have fired up to the present step."""
+        return tuple(outcome for actor in self._scripted.values() for outcome in actor.triggers(self._first_step))
+
+    def advance(self, ego: EgoState) -> None:
+        """Advance to the step of the ego's new state."""
+        for actor in self._scripted.values():
+            actor.advance(ego)
+        self.moving = tuple(sorted([*self._replayed.moving, *self.driven], key=lambda track: track.obstacle_id))
+
+    def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
+        """Return id and type of the lowest-id obstacle that overlaps the ego's rectangle at the ego's step, or None."""
+        return _least_hit(self._replayed.hit_by(ego, vehicle), self.driven, ego, vehicle)
+
+
+def _least_hit(
+    hit: tuple[int, str] | None, driven: tuple[Track, ...], ego: EgoState, vehicle: VehicleParameters
+) -> tuple[int, str] | None:
+    """Return the lowest id, with its type, of a known hit and of the driven ones that overlap the ego, or None."""
+    own = rectangle(ego, vehicle)
+    for track in driven:
+        index = track.index_at(ego.step)
+        if index is not None and own.collide(_body(track, index)):
+            hit = min(hit or (track.obstacle_id, track.kind), (track.obstacle_id, track.kind))
+    return hit
 
 
 def _room_behind_m(track: Track, ego: EgoState, vehicle: VehicleParameters) -> float | None:
@@ -318,7 +363,7 @@ def _room_behind_m(track: Track, ego: EgoState, vehicle: VehicleParameters) -> f
     half_widths_m = (track.width_m + vehicle.width_m) / 2
     if ahead_m <= 0.0 or behind_m >= 0.0 or abs(wrap_angle(ego.heading_rad - heading)) > _MOST_OBLIQUE_RAD:
         return None
-    if abs(left_m) > half_widths_m + _BESIDE_EGO_M or abs(aside_m) > half_widths_m + _NEXT_LANE_M:
+    if abs(left_m) > half_widths_m + _EGO_MARGIN_M or abs(aside_m) > half_widths_m + _NEXT_LANE_M:
         return None
     return max(ahead_m - (track.length_m + vehicle.length_m) / 2, 0.0)
 
@@ -329,9 +374,9 @@ def _turned(vector: Points, angle_rad: float) -> tuple[float, float]:
 
 
 def is_insertion_safe(track: Track, index: int, traffic: Traffic, ego: EgoState, vehicle: VehicleParameters) -> bool:
-    """Return True if a pose keeps a metre from all others, and comfortable braking avoids slower ones straight ahead.
+    """Return True if a vehicle at this pose is clear of all road users and can brake comfortably for those ahead.
 
-    The others count at the step before the ego's, the last one known.
+    The other road users are at their positions one step before the ego's, the last ones known.
     """
     bodies = [(ego.position, ego.heading_rad, (vehicle.length_m, vehicle.width_m), ego.speed_mps)]
     places = [(other, other.index_at(ego.step - 1)) for other in traffic.moving]

@@ -30,11 +30,11 @@ class Traffic(Protocol):
 
     @property
     def moving(self) -> tuple[Track, ...]:
-        """Dynamic obstacles by ascending id."""
+        """The tracks of the dynamic obstacles, by ascending id."""
 
     @property
     def standing(self) -> tuple[Track, ...]:
-        """Static obstacles."""
+        """The static obstacles, as tracks of one state."""
 
     @property
     def driven(self) -> tuple[Track, ...]:
@@ -46,7 +46,7 @@ class Traffic(Protocol):
 
     @property
     def triggers(self) -> tuple[TriggerOutcome, ...]:
-        """Triggers of scripted motions by the road user's id, and whether they have fired up to the present step."""
+        """The triggers of scripted motions by road user, and whether they have fired up to the present step."""
 
     def advance(self, ego: EgoState) -> None:
         """Advance to the step of the ego's new state; called for every step in order, before that step is read."""
@@ -156,9 +156,7 @@ class _Rectangles:
 
 
 def _bodies_of(obstacles: Mapping[int, Any]) -> dict[int, "pycrcc.CollisionObject"]:
-    """Return the bodies of obstacles for all their steps, as commonroad-dc creates them; its own function loads
-    matplotlib.
-    """
+    """Return obstacles' bodies at all steps, as commonroad-dc creates them; its own function loads matplotlib."""
     return {key: _body_of_obstacle(obstacle) for key, obstacle in obstacles.items()}
 
 
@@ -219,13 +217,13 @@ def rectangle(ego: EgoState, vehicle: VehicleParameters) -> "pycrcc.RectOBB":
 
 
 def _all_tracks(obstacles: "Iterable[DynamicObstacle]", recorded: Mapping[int, Track]) -> dict[int, Track]:
-    """Return the recorded tracks, and tracks of the regions that all other obstacles occupy."""
+    """Return, by id, the recorded tracks and tracks of the regions that all other obstacles occupy."""
     others = {int(one.obstacle_id): one for one in obstacles if int(one.obstacle_id) not in recorded}
     return {**recorded, **{key: _occupancy_track(one) for key, one in others.items()}}
 
 
 def _occupancy_track(obstacle: Any) -> Track:
-    """Return a track of the centres of an obstacle's occupied regions, with the size of the largest one."""
+    """Return a track of the centres of an obstacle's occupied regions, with the size of the largest region."""
     first = int(obstacle.initial_state.time_step)
     shapes = [obstacle.occupancy_at_time(first).shape]
     if obstacle.prediction is not None:
@@ -241,7 +239,7 @@ def _static_track(obstacle: Any) -> Track:
 
 
 def _track_of_shapes(obstacle: Any, first_step: int, shapes: list[Any], heading_rad: float, speed_mps: float) -> Track:
-    """Return a track of shapes; ``heading_rad`` is that of shapes without their own."""
+    """Return a track of shapes; ``heading_rad`` applies to shapes that have no heading of their own."""
     parts = [_largest(shape) for shape in shapes]
     sizes = [size_of(part) for part in parts]
     return Track(
@@ -275,7 +273,7 @@ class GrowingTrack:
 
     @property
     def last_step(self) -> int:
-        """The last step that was added, or the one before the first step."""
+        """The last step that was added, or the step before the first."""
         return self.first_step + self._count - 1
 
     def add(self, x_m: float, y_m: float, heading_rad: float, speed_mps: float) -> None:

@@ -72,7 +72,7 @@ class TrafficRoles:
         )
 
     def keeping_to_route(self, keys: frozenset[str]) -> "TrafficRoles":
-        """Return the roles with some driven vehicles placed on their route's lanes at their start."""
+        """Return the roles with the given driven vehicles placed on their route's lanes at their start."""
         kept = tuple(replace(actor, keep_to_route=True) if actor.key in keys else actor for actor in self.driven)
         return replace(self, driven=kept)
 
@@ -118,7 +118,7 @@ class TrafficRoles:
         return tuple(route)
 
     def _most_likely_before(self, lanelets: list[int], under_ego: dict[int, float], ego: EgoState) -> int:
-        """Return the best-fitting lanelet for the ego; among equal ones that merge, the one with the nearest vehicle.
+        """Return the best-fitting lanelet for the ego; of equal lanelets that merge, that with the nearest vehicle.
 
         A follower on a lane without the ego's rear sees the ego as crossing traffic, and far too late.
         """

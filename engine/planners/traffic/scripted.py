@@ -86,7 +86,7 @@ class ScriptedActor:
 
     @property
     def key(self) -> str:
-        """SUMO's id of the road user."""
+        """The road user's SUMO id."""
         return str(self._motion.obstacle_id)
 
     @property
@@ -109,7 +109,7 @@ class ScriptedActor:
 
     @property
     def index(self) -> int:
-        """The index of the motion state nearest to the present one."""
+        """The index of the state of the motion that is nearest to the present state."""
         return min(round(self._clock), len(self._motion.positions) - 1)
 
     def advance(self, ego: EgoState) -> None:

@@ -57,6 +57,7 @@ class _Side:
     prediction: str
     traffic: str
     seed: int
+    world: str
 
 
 def board_view(request: ViewRequest, report: ProgressReporter) -> BoardView:
@@ -77,7 +78,7 @@ def board_view(request: ViewRequest, report: ProgressReporter) -> BoardView:
         _board_run(run.record, problems, sides.index(side), first, contacts.get(run.record.run_id))
         for side, run in placed
     )
-    held = _included_data(request, runs, report) if request.whole else _IncludedData((), {}, ())
+    included = _included_data(request, runs, report) if request.whole else _IncludedData((), {}, ())
     lost = (f"{cell.scenario_id} under {cell.config_id}: {cell.error}" for one in request.batches for cell in one.lost)
     return BoardView(
         title=one_line(request.title),
@@ -89,9 +90,9 @@ def board_view(request: ViewRequest, report: ProgressReporter) -> BoardView:
         metrics=tuple(BoardMetric(words=metric_words(one.name), unit=one.unit, better=one.better) for one in METRICS),
         runs=runs,
         lost=tuple(one_line(text, LONGEST_SENTENCE) for text in lost),
-        scenes=held.scenes,
-        drives=held.drives,
-        notes=held.notes,
+        scenes=included.scenes,
+        drives=included.drives,
+        notes=included.notes,
     )
 
 
@@ -105,7 +106,8 @@ def _placed(request: ViewRequest) -> Iterable[tuple[_Side, RunSource]]:
         by_side: dict[_Side, list[RunSource]] = {}
         for run in runs:
             record = run.record
-            side = _Side(batch_id, record.config_id, record.prediction, record.traffic, record.seed)
+            modes = (record.prediction, record.traffic, record.seed, record.world.in_words())
+            side = _Side(batch_id, record.config_id, *modes)
             by_side.setdefault(side, []).append(run)
         for side, members in by_side.items():
             yield from ((side, run) for run in members)
@@ -116,12 +118,13 @@ def _problem(record: RunRecord) -> tuple[str, int]:
 
 
 def _column(side: _Side, sides: Sequence[_Side], runs: RunSet) -> BoardColumn:
-    """Return a column titled by its configuration and by what distinguishes it from the other columns."""
+    """Return a column with its configuration and its difference from the other columns as the title."""
     parts = [runs.records[0].config_name]
     for name, words in (
         ("prediction", side.prediction.replace("_", " ")),
         ("traffic", f"{side.traffic} traffic"),
         ("seed", f"seed {side.seed}"),
+        ("world", f"{side.world} world"),
         ("batch_id", side.batch_id),
     ):
         if len({getattr(one, name) for one in sides}) > 1:
@@ -137,8 +140,8 @@ def _column(side: _Side, sides: Sequence[_Side], runs: RunSet) -> BoardColumn:
 def _rate_words(rate: Rate) -> str:
     if rate.share is None or rate.low is None or rate.high is None:
         return "no run was possible"
-    interval = f"95 % interval {100 * rate.low:.0f} to {100 * rate.high:.0f} %"
-    return f"{rate.count} of {rate.of} valid runs reached the goal: {100 * rate.share:.0f} % ({interval})"
+    interval = f"95% interval {100 * rate.low:.0f} to {100 * rate.high:.0f}%"
+    return f"{rate.count} of {rate.of} valid runs reached the goal: {100 * rate.share:.0f}% ({interval})"
 
 
 def _row(scenario_id: str, problem_id: int, source: ScenarioSource, *, alone: bool) -> BoardRow:

@@ -65,7 +65,7 @@ class StandingView(Model):
 
 
 class RoadView(Model):
-    """The static parts. ``arrows``: x, y in cm and heading in mrad of marks along the lanelets, in sequence.
+    """The static parts of a scene. ``arrows``: x, y in cm and heading in mrad of marks along the lanelets, in sequence.
 
     ``edges``: edges of the road; ``dividers``: lines between lanes; ``crossings``: their stripes.
     """
@@ -100,7 +100,7 @@ class SceneView(Model):
 
 
 class MomentView(Model):
-    """A moment of a run that a player offers: its step and a description."""
+    """A moment of a run that you can jump to in the player: its step and a description."""
 
     step: int
     words: str
@@ -108,7 +108,7 @@ class MomentView(Model):
 
 
 class PlanView(Model):
-    """A planner's state at a step: its plan, other candidates, and the predicted positions of others."""
+    """A planner's state at a step: its plan, other candidates, and the predicted positions of other road users."""
 
     step: int
     plan: Line

@@ -23,7 +23,7 @@ A board opens its runs in a player, so its page can show both.
 
 
 def empty_page(kind: ViewKind) -> str:
-    """Return the page without data, which it requests from its host; the host sets the page's policy."""
+    """Return a view's page without data; the page requests them from its host, which also sets the page's policy."""
     return _page(kind, title="PlannerForge", data="", policy="")
 
 

@@ -141,7 +141,7 @@ def _cm(metres: Points | Values) -> NDArray[np.int64]:
 
 
 def _differences(values: NDArray[np.int64]) -> tuple[int, ...]:
-    """Return the first value, followed by differences."""
+    """Return the first value, followed by the differences between consecutive values."""
     return tuple(np.diff(values, prepend=0).tolist())
 
 
@@ -260,7 +260,7 @@ def _signals(content: ScenarioContent, origin: Points) -> Iterable[SignalView]:
 
 
 def drive_view(source: RunSource, path: DrivenPath, scenario: ScenarioSource, origin: Points) -> DriveView:
-    """Return a run over a scene, with its nearest road users and its moments."""
+    """Return the data of a run over a scene, with its nearest road users and its moments."""
     record, steps = source.record, read_steps(source)
     if steps is None:
         raise ValueError(f"{record.run_id} was driven, so it has steps")
@@ -390,7 +390,7 @@ def _moments(source: RunSource, review: RunReview, first_step: int) -> Iterable[
 
 
 def figures(source: RunSource) -> Iterable[tuple[str, str]]:
-    """Yield the metrics of a run with their words and units, without undefined ones."""
+    """Yield each defined metric of a run, as its name in words and its value with the unit."""
     for metric in METRICS:
         value = metric.value(source.record)
         if value is not None:

@@ -188,7 +188,7 @@ def _piece(station_m: float, start: Points, end: Points, out: Points, into: Poin
 
 
 def _rounded(values: Sequence[float]) -> Values:
-    """Round to 1e-9, without a minus sign before 0."""
+    """Return the values rounded to 1e-9, without a minus sign before 0."""
     return np.round(np.array(values), 9) + 0.0
 
 
@@ -211,7 +211,7 @@ def _tried(pieces: Sequence[CurvePiece]) -> list[float]:
 
 
 def _feet(line: Points, stations: Values, positions: Points, normals: Points, reach_m: float) -> list[float]:
-    """Return, for each vertex of a line, the nearest station whose normal passes through it."""
+    """Return, for each vertex of a line, the nearest station with a normal through the vertex."""
     feet = []
     along = np.column_stack([normals[:, 1], -normals[:, 0]])
     for vertex in line:
@@ -249,7 +249,7 @@ def _cut(line: Points, at: Points, across: Points, reach_m: float) -> Values:
 
 
 def _needed(stations: Values, offsets: Points) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
-    """Return which stations are needed to get every offset by linear interpolation (Douglas and Peucker)."""
+    """Return a mask of the stations that linear interpolation needs to yield every offset (Douglas and Peucker)."""
     kept = np.zeros(len(stations), dtype=np.bool_)
     kept[[0, -1]] = True
     waiting = [(0, len(stations) - 1)]

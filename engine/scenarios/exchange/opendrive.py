@@ -225,7 +225,7 @@ def _write_connector(
 def _write_short_road(
     root: etree._Element, number: int, junction: int, place: tuple[int, bool], plan: RoadPlan
 ) -> etree._Element:
-    """Write a straight road without lanes, as long as a bridge, at the end or the start of a road."""
+    """Write a straight road without lanes, as long as a bridge, at the end or the start of a road; return it."""
     key, is_behind = place
     strip = plan.strips[key]
     last = strip.pieces[-1]
@@ -251,7 +251,7 @@ def _write_short_road(
 def _write_short_lane(
     road: etree._Element, key: int, index: int, plan: RoadPlan, lanelets: "Mapping[int, Lanelet]", *, is_behind: bool
 ) -> etree._Element:
-    """Write the next lane of a short road, with the width that a lane of another road has at its end or start."""
+    """Write the next lane of a short road, as wide as a lane of another road at its end or start; return it."""
     right: etree._Element = road.find("lanes/laneSection/right")  # type: ignore[assignment]  # it was written there
     kind = _lane_type(lanelets[plan.roads[key][index]])
     lane = _add(right, "lane", id=str(-1 - len(right)), type=kind, level="false")

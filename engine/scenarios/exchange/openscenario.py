@@ -171,7 +171,7 @@ def _add_ego(loaded: LoadedScenario, entities: Any, init: Any) -> None:
 
 
 def _add_friction(loaded: LoadedScenario, init: Any) -> None:
-    """Add the friction of the roads, as a factor on that of a dry road."""
+    """Add the friction of the roads, relative to the friction of a dry road."""
     from scenariogeneration import xosc
 
     if loaded.friction is not None:

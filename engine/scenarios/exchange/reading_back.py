@@ -20,7 +20,7 @@ EVERY_M = 0.5
 
 
 def geometry_error(text: bytes, network: "LaneletNetwork") -> RoadGeometry:
-    """Compare vertices of lanelet bounds with the file's bounds, and points on the file's with the lanelets'.
+    """Return the deviations between the lanelets' bounds and those of the file, measured from both sides.
 
     The points of a bound that is missing from the file count as not near.
     """
@@ -46,7 +46,7 @@ def _distances(points: Points, line: Points) -> Values:
 
 
 def _bounds(root: etree._Element) -> dict[int, tuple[Points, Points]]:
-    """Return lanelet → its left and right bounds in the file, at every station where a formula changes and between."""
+    """Return each lanelet's left and right bounds in the file, at stations where a formula changes and between."""
     found: dict[int, tuple[Points, Points]] = {}
     for road in root.iterfind("road"):
         lanes = sorted(road.iterfind("lanes/laneSection/right/lane"), key=lambda lane: -int(lane.get("id", "0")))

@@ -1,7 +1,7 @@
 """Plan which OpenDRIVE roads represent the lanelets of a network, and how they join.
 
 Roads that end together and the roads that start at the same point are a joint. At a fork the starting roads are
-connecting roads of a junction, at a merge the ending ones. ASAM requires that a connecting road has one incoming road,
+connecting roads of a junction, at a merge the ending roads. ASAM requires that a connecting road has one incoming road,
 which must not be a connecting road (``one_connection_element``, ``connect_road_no_incoming_road``). Therefore common
 roads of almost no length, bridges, are inserted before or after some connecting roads; and if several roads end and
 several start, each pair of lanes gets a connecting road of that length, a connector.
@@ -55,9 +55,9 @@ class Joint:
 class RoadPlan:
     """The roads of a lanelet network: their lanes, and how they join.
 
-    ``roads``: road → lanelets from left to right, with the id of the first; ``strips``: their shapes; ``following``:
-    lanelet → those that follow it, drawn ones only; ``left_out``: lanelets without an area; ``apart``: links between
-    lanelets that do not meet, which are not written to the file.
+    ``roads``: by the id of its first lanelet, each road's lanelets from left to right. ``strips``: their shapes.
+    ``following``: by lanelet, the drawn lanelets that follow it. ``left_out``: lanelets without an area. ``apart``:
+    links between lanelets that do not meet, which are not written to the file.
     """
 
     roads: dict[int, tuple[int, ...]]
@@ -95,12 +95,12 @@ class RoadPlan:
 
     @cached_property
     def place(self) -> dict[int, tuple[int, int]]:
-        """Lanelet → its road and the id of its lane in that road (-1 is leftmost)."""
+        """Each lanelet's road and the id of its lane in that road (-1 is leftmost), by lanelet id."""
         return {key: (road, -1 - index) for road, keys in self.roads.items() for index, key in enumerate(keys)}
 
     @cached_property
     def leading(self) -> dict[int, tuple[int, ...]]:
-        """Lanelet → the lanelets that lead into it."""
+        """The lanelets that lead into each lanelet, by lanelet id."""
         before: dict[int, list[int]] = {key: [] for key in self.following}
         for key, after in self.following.items():
             for other in after:
@@ -124,12 +124,12 @@ class RoadPlan:
 
     @cached_property
     def end_joint(self) -> dict[int, Joint]:
-        """Road → the joint at its end."""
+        """The joint at the end of each road, by road id."""
         return {road: joint for joint in self.joints for road in joint.ends}
 
     @cached_property
     def start_joint(self) -> dict[int, Joint]:
-        """Road → the joint at its start."""
+        """The joint at the start of each road, by road id."""
         return {road: joint for joint in self.joints for road in joint.starts}
 
     @cached_property
@@ -144,7 +144,7 @@ class RoadPlan:
 
     @cached_property
     def junctions(self) -> dict[int, tuple[Joint, ...]]:
-        """Junction → its joints: joints linked by a connecting road form one junction."""
+        """The joints of each junction, by junction id; joints linked by a connecting road form one junction."""
         joined = {joint: {joint} for joint in self.joints if not joint.is_plain}
         for road in sorted(self.connecting):
             here = [joint for joint in self._joints_connected(road) if joint in joined]
@@ -162,17 +162,17 @@ class RoadPlan:
 
     @cached_property
     def junction_at(self) -> dict[Joint, int]:
-        """Joint → its junction; plain joints have no junction."""
+        """The junction that each joint belongs to; plain joints have no junction."""
         return {joint: junction for junction, joints in self.junctions.items() for joint in joints}
 
     @cached_property
     def junction_of(self) -> dict[int, int]:
-        """Connecting road → its junction."""
+        """The junction of each connecting road, by road id."""
         return {road: self.junction_at[self._joints_connected(road)[0]] for road in sorted(self.connecting)}
 
     @cached_property
     def bridges_behind(self) -> dict[int, int]:
-        """Connecting road → id of the bridge after it: it must not be the incoming road of a connecting road."""
+        """The id of the bridge after each connecting road that must not lead into another one, by road id."""
         needed = [
             road
             for road in sorted(self.connecting)
@@ -185,7 +185,7 @@ class RoadPlan:
 
     @cached_property
     def bridges_before(self) -> dict[int, int]:
-        """Connecting road → id of the bridge before it, which is needed because several roads lead into it."""
+        """The id of the bridge before each connecting road that several roads lead into, by road id."""
         needed = [
             road
             for road in sorted(self.connecting)
@@ -196,7 +196,7 @@ class RoadPlan:
 
     @cached_property
     def connectors(self) -> dict[int, tuple[int, int]]:
-        """Id of a connector → the lanelets from which and to which it leads."""
+        """The lanelets from which and to which each connector leads, by the connector's id."""
         pairs = []
         for joint in self.joints:
             ends = set(joint.ends)
@@ -210,11 +210,11 @@ class RoadPlan:
         return {first + number: pair for number, pair in enumerate(pairs)}
 
     def exit_of(self, road: int) -> int:
-        """Return the road to which others are joined at the end of a road: the road's bridge, or the road itself."""
+        """Return the road to which others are joined at a road's end: the road's bridge, or the road itself."""
         return self.bridges_behind.get(road, road)
 
     def entry_of(self, road: int) -> int:
-        """Return the road to which others are joined at the start of a road: the road's bridge, or the road itself."""
+        """Return the road to which others are joined at a road's start: the road's bridge, or the road itself."""
         return self.bridges_before.get(road, road)
 
     def road_before(self, road: int) -> int | None:

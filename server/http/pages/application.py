@@ -92,7 +92,7 @@ class Pages:
         return answer
 
     async def catalogue(self, request: Request) -> Response:
-        """Return the scenarios that match the form's conditions, each with a picture."""
+        """Return the page of the catalogue: scenarios that match the form's conditions, each with a picture."""
         facts, fault = _facts(request.query_params), ""
         try:
             found = await self._read.scenarios(facts)
@@ -103,35 +103,35 @@ class Pages:
         )
 
     async def scenario(self, request: Request) -> Response:
-        """Return a scenario as text and in motion."""
-        shown, told = await self._read.scenario(request.path_params["artifact_id"])
-        return self._page("scenario.html.j2", shown=shown, told=told)
+        """Return the page of a scenario: its text, and its motion."""
+        shown, text = await self._read.scenario(request.path_params["artifact_id"])
+        return self._page("scenario.html.j2", shown=shown, told=text)
 
     async def run(self, request: Request) -> Response:
-        """Return a run in motion."""
+        """Return the page of a run, which shows its motion."""
         return self._page("run.html.j2", run_id=request.path_params["artifact_id"])
 
     async def batches(self, request: Request) -> Response:
-        """Return the batches with their rates, newest first."""
+        """Return the page of the batches with their rates, newest first."""
         offset = _offset(request.query_params)
         listed = await self._read.artifacts("batch", offset)
         return self._page("batches.html.j2", listed=listed, offset=offset, page_size=PAGE_SIZE)
 
     async def batch(self, request: Request) -> Response:
-        """Return a batch: its board, its analysis, and the comparison of its configurations."""
+        """Return the page of a batch: its board, its analysis, and the comparison of its configurations."""
         batch_id = request.path_params["artifact_id"]
         analysis = await self._read.analysis(batch_id)
         comparison = await self._read.comparison([batch_id])
         return self._page("batch.html.j2", batch_id=batch_id, analysis=analysis, comparison=comparison)
 
     async def comparison(self, request: Request) -> Response:
-        """Return the comparison of two batches."""
+        """Return the page that compares two batches."""
         results = [one for one in request.query_params.getlist("of") if one]
-        told = await self._read.comparison(results)
-        return self._page("comparison.html.j2", results=results, told=told)
+        text = await self._read.comparison(results)
+        return self._page("comparison.html.j2", results=results, told=text)
 
     async def calls(self, request: Request) -> Response:
-        """Return the journal of calls."""
+        """Return the page of the journal of calls."""
         failed_only = request.query_params.get("failed") == "yes"
         lines = self._read.calls(failed_only=failed_only)
         return self._page("journal.html.j2", lines=lines, failed_only=failed_only)

@@ -107,8 +107,8 @@ class Content:
         Raises:
             Refused: there is no such kind.
         """
-        asked = {"kind": kind, "limit": PAGE_SIZE, "offset": offset}
-        return await self._answer(ListArtifactsResult, "list_artifacts", asked)
+        arguments = {"kind": kind, "limit": PAGE_SIZE, "offset": offset}
+        return await self._answer(ListArtifactsResult, "list_artifacts", arguments)
 
     async def analysis(self, batch_id: str) -> ToolText:
         """Return the analysis of a batch.
@@ -139,7 +139,7 @@ class Content:
         raise Refused(f"the picture of {artifact_id} is too large for an answer: {links}")
 
     async def view(self, kind: str, ids: Sequence[str]) -> str:
-        """Return the player or the board of some artifacts as a whole page.
+        """Return a complete HTML page with the player or the board for the given artifacts.
 
         Raises:
             Refused: there is nothing to show.
@@ -185,7 +185,7 @@ def _listed(written: str) -> list[str]:
 
 
 def _last_lines(path: Path) -> Iterator[str]:
-    """Yield the last lines of a file in reverse order, without a first one that may be incomplete."""
+    """Yield the last lines of a file in reverse order, without a first line that may be incomplete."""
     if not path.is_file():
         return
     with path.open("rb") as file:
@@ -197,7 +197,7 @@ def _last_lines(path: Path) -> Iterator[str]:
 
 
 def _journal_line(line: str) -> JournalLine | None:
-    """Parse a line of the journal; return None for an incomplete one."""
+    """Parse a line of the journal; return None for an incomplete line."""
     try:
         entry = json.loads(line)
     except ValueError:

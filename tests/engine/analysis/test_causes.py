@@ -12,7 +12,6 @@ from plannerforge.engine.analysis.run_set import METRICS, RunSet
 from plannerforge.engine.analysis.summary import analyse
 from plannerforge.engine.execution.executor import silent
 from plannerforge.schemas.results import AnalyseRequest
-from plannerforge.schemas.reviews import REFERENCE_DRIVERS_DO
 from plannerforge.schemas.runs import (
     CollisionRecord,
     DrivenObstacle,
@@ -22,6 +21,7 @@ from plannerforge.schemas.runs import (
     RunSteps,
     ScenarioSource,
 )
+from plannerforge.schemas.text import REFERENCE_DRIVERS_DO
 
 STEPS = 41
 MOST = 12
@@ -74,7 +74,7 @@ def followers_and_a_leader(folder: Path) -> list[RunSource]:
     return [*behind, leader, RunSource(record=record("ZAM_Town-9_1_T-1"))]
 
 
-def test_the_rate_stands_with_and_without_what_no_ego_prevents(tmp_path: Path) -> None:
+def test_the_rate_is_given_with_and_without_unpreventable_collisions(tmp_path: Path) -> None:
     runs = followers_and_a_leader(tmp_path)
     found = collision_causes(RunSet(tuple(runs)))
     assert found is not None
@@ -86,14 +86,13 @@ def test_the_rate_stands_with_and_without_what_no_ego_prevents(tmp_path: Path) -
     assert [(one.run_id, one.time_s) for one in found.evidence] == [(one.record.run_id, 4.0) for one in runs[:3]]
     told = found.in_words()
     assert told.startswith(
-        "Collisions: rear end by other 2, rear end by ego 1; attributed to recording 2; "
-        "no reference driver prevents 2 of 3"
+        "Collisions: 2 rear end by other, 1 rear end by ego; attributed: 2 to the recording; 2 of 3 "
     )
     assert REFERENCE_DRIVERS_DO in told
     assert "goal 1/2" in told
 
 
-def test_where_followers_of_a_recording_decide_reactive_traffic_is_advised(tmp_path: Path) -> None:
+def test_reactive_traffic_is_advised_if_followers_of_a_recording_decide(tmp_path: Path) -> None:
     runs = followers_and_a_leader(tmp_path)
     told = analyse(AnalyseRequest(results=("batch_x",), runs=tuple(runs)), silent).answer()
     assert "traffic=reactive" in told.next_step
@@ -106,7 +105,7 @@ def reacting(run: RunRecord) -> RunRecord:
     return run.model_copy(update={"traffic": "reactive"})
 
 
-def test_many_collisions_are_told_as_a_random_sample_with_its_interval(
+def test_many_collisions_are_reported_as_a_random_sample_with_its_interval(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(causes, "MOST_COLLISIONS", MOST)
@@ -134,7 +133,7 @@ def test_many_collisions_are_told_as_a_random_sample_with_its_interval(
     )
 
 
-def test_with_looks_kept_all_collisions_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_with_looks_kept_all_collisions_are_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(causes, "MOST_COLLISIONS", MOST)
     sources = [hit_by(number, 20.0 - 4.4 - 60.0, 15.0, tmp_path) for number in range(MOST + 2)]
     looks = look_at_runs(ReviewRequest(runs=tuple(sources), scenarios=()), silent).looks
@@ -145,7 +144,7 @@ def test_with_looks_kept_all_collisions_are_told(tmp_path: Path, monkeypatch: py
     assert found.laid_to == {"recording": MOST + 2}
 
 
-def test_leaving_the_road_is_no_collision() -> None:
+def test_leaving_the_road_is_not_a_collision() -> None:
     edge = CollisionRecord(obstacle_id=None, kind="road_boundary", step=40, time_s=4.0)
     off = record(outcome="off_road").model_copy(update={"collision": edge})
     assert collision_causes(RunSet((RunSource(record=off),))) is None
@@ -154,7 +153,7 @@ def test_leaving_the_road_is_no_collision() -> None:
     assert risk.value(record()) == 3
 
 
-def test_collisions_without_stored_steps_say_nothing() -> None:
+def test_collisions_without_stored_steps_give_no_statement() -> None:
     assert collision_causes(RunSet((RunSource(record=record(outcome="collision")),))) is None
     assert collision_causes(RunSet((RunSource(record=record()),))) is None
 
@@ -180,5 +179,5 @@ def test_goals_that_ask_for_no_driving_are_counted_apart(tmp_path: Path) -> None
     )
 
 
-def test_without_such_goals_nothing_is_said() -> None:
+def test_without_trivial_goals_there_is_no_statement() -> None:
     assert trivial_goals(RunSet((RunSource(record=record()),))) is None

@@ -30,7 +30,7 @@ def runs(outcomes: list[Outcome], config: object = DEFAULT, gaps: list[float] | 
     ]
 
 
-def test_flips_each_way_and_what_changed() -> None:
+def test_flips_in_each_direction_and_the_changes() -> None:
     before = runs(["goal_reached", "collision", "collision", "goal_reached"])
     after = runs(["goal_reached", "goal_reached", "timeout", "collision"], SAFE)
     found = compared(before, after).comparisons[0]
@@ -42,7 +42,7 @@ def test_flips_each_way_and_what_changed() -> None:
     assert changes == [("distance_to_obstacles", 0.0, 1.0), ("prediction", 0.2, 0.5)]
 
 
-def test_sides_judged_by_different_rules_are_told() -> None:
+def test_sides_judged_by_different_rules_are_reported() -> None:
     older = [
         run.model_copy(update={"record": run.record.model_copy(update={"success_rule": "driven@1"})})
         for run in runs(["goal_reached", "collision"])
@@ -54,7 +54,7 @@ def test_sides_judged_by_different_rules_are_told() -> None:
     assert not compared(runs(["goal_reached", "collision"]), newer).notes
 
 
-def test_few_pairs_are_said_plainly() -> None:
+def test_few_pairs_are_stated_plainly() -> None:
     found = compared(runs(["collision"] * 2), runs(["goal_reached"] * 2, SAFE))
     assert found.comparisons[0].headline_code == "flips_too_few"
     assert found.comparisons[0].metrics_code == "untested"
@@ -71,7 +71,7 @@ def test_pairs_of_one_and_of_zero_scenarios() -> None:
     assert none.headline_code == "no_valid_pair"
 
 
-def test_equal_runs_differ_in_nothing_and_that_is_said() -> None:
+def test_equal_runs_are_reported_to_have_no_differences() -> None:
     found = compared(runs(["goal_reached"] * 6), runs(["goal_reached"] * 6, SAFE)).comparisons[0]
     assert (found.headline_code, found.metrics_code) == ("tie", "none")
     assert found.success.needed == 77
@@ -99,7 +99,7 @@ def test_an_interval_without_zero_but_no_significance_is_attributed_to_the_test(
     assert ("for this test alone" in found.to_text()) is alone
 
 
-def test_metric_names_the_better_side_only_where_the_interval_leaves_zero() -> None:
+def test_a_metric_names_the_better_side_only_if_the_interval_leaves_zero() -> None:
     gaps = [1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.2, 2.4]
     better = compared(runs(["goal_reached"] * 8, gaps=gaps), runs(["goal_reached"] * 8, SAFE, [g + 0.5 for g in gaps]))
     test = next(test for test in better.comparisons[0].metrics if test.name == "minimum_distance_m")
@@ -110,14 +110,14 @@ def test_metric_names_the_better_side_only_where_the_interval_leaves_zero() -> N
     assert test.better is None
 
 
-def test_comfort_is_compared_only_where_both_reached_the_goal() -> None:
+def test_comfort_is_compared_only_if_both_reached_the_goal() -> None:
     found = compared(runs(["goal_reached", "collision"]), runs(["goal_reached", "goal_reached"], SAFE)).comparisons[0]
     pairs = {test.name: test.pairs for test in found.metrics}
     assert (pairs["duration_s"], pairs["minimum_distance_m"]) == (1, 2)
     assert "mean_total_cost" not in pairs
 
 
-def test_costs_that_are_no_comparison_are_shown_with_the_reason() -> None:
+def test_incomparable_costs_are_shown_with_the_reason() -> None:
     cheap, dear = (metrics(mean_total_cost=cost) for cost in (3.0, 8.0))
     before = [source(record(figures=cheap))]
     other_weights = compared(before, [source(record(config=SAFE, figures=dear))])
@@ -156,8 +156,8 @@ def test_sides_under_different_predictions_are_paired_and_the_difference_is_name
     assert found.conditions == ("prediction: constant_velocity → ground_truth",)
 
 
-def test_nothing_in_common_is_refused() -> None:
-    with pytest.raises(NotPossible, match="no scenario and planning problem in common"):
+def test_sides_without_common_scenarios_are_refused() -> None:
+    with pytest.raises(NotPossible, match="no planning problem in common"):
         compared([source(record("ZAM_A-1_1_T-1"))], [source(record("ZAM_B-1_1_T-1"))])
 
 
@@ -178,7 +178,7 @@ def edited(scenario_id: str, *edits: str, base: str = "ZAM_A-1_1_T-1") -> Lineag
     return Lineage(scenario_id=scenario_id, ancestors=(base,), edits=edits)
 
 
-def test_a_scenario_and_its_edited_version_are_a_pair_and_the_edit_is_told() -> None:
+def test_a_scenario_and_its_edited_version_are_a_pair_and_the_edit_is_reported() -> None:
     before = [source(record("ZAM_A-1_1_T-1"))]
     after = [source(record("ZAM_A-1_1_T-2", "collision"))]
     result = compared(before, after, lineage=(edited("ZAM_A-1_1_T-2", "set_speed lead (speed 10m/s)"),))
@@ -197,7 +197,7 @@ def test_versions_of_one_scenario_are_paired_and_differ_in_their_own_edits() -> 
     assert (pair.common, pair.undone, pair.done) == ("ZAM_A-1_1_T-1", ("two",), ("three",))
 
 
-def test_the_same_scenario_is_preferred_and_several_versions_are_no_pair() -> None:
+def test_the_same_scenario_is_preferred_and_several_versions_are_not_paired() -> None:
     lineage = (edited("ZAM_A-1_1_T-2", "one"), edited("ZAM_A-1_1_T-3", "two"))
     before = [source(record("ZAM_A-1_1_T-1"))]
     after = [source(record("ZAM_A-1_1_T-1", config=SAFE)), source(record("ZAM_A-1_1_T-2", config=SAFE))]
@@ -219,7 +219,7 @@ def test_a_single_pair_gives_directions_and_no_tests() -> None:
     assert "test" not in said.replace("fastest", "")
 
 
-def test_noise_of_floating_point_is_no_difference() -> None:
+def test_noise_of_floating_point_is_not_a_difference() -> None:
     gaps = [1.0 + n / 10 for n in range(8)]
     noisy = [gap * (1 + 1e-13) for gap in gaps]
     result = compared(runs(["goal_reached"] * 8, gaps=gaps), runs(["goal_reached"] * 8, SAFE, noisy))
@@ -229,7 +229,7 @@ def test_noise_of_floating_point_is_no_difference() -> None:
     assert {test.direction for test in one.metrics} == {"same"}
 
 
-def test_metrics_that_differ_come_first_and_the_others_stand_in_one_line() -> None:
+def test_metrics_that_differ_come_first_and_the_others_are_in_one_line() -> None:
     gaps = [1.0 + n / 10 for n in range(12)]
     wider = [gap + 0.5 + n / 100 for n, gap in enumerate(gaps)]
     result = compared(runs(["goal_reached"] * 12, gaps=gaps), runs(["goal_reached"] * 12, SAFE, wider))
@@ -246,7 +246,7 @@ def test_planners_without_common_weights_are_not_listed_weight_by_weight() -> No
     assert "weights changed: 9 weights and settings that only one of the planners has" in result.to_text()
 
 
-def test_a_single_pair_is_no_verdict_on_metrics() -> None:
+def test_a_single_pair_gives_no_verdict_on_metrics() -> None:
     first = [source(record(figures=metrics(minimum_time_headway_s=0.8200, maximum_jerk_mps3=2.0)))]
     second = [source(record(config=SAFE, figures=metrics(minimum_time_headway_s=0.8204, maximum_jerk_mps3=3.0)))]
     said = compared(first, second).to_text()
@@ -268,7 +268,7 @@ def test_runs_of_one_scenario_are_one_witness() -> None:
     assert test.low < 0
 
 
-def test_a_difference_that_turns_round_between_predictions_is_told() -> None:
+def test_a_difference_that_turns_round_between_predictions_is_reported() -> None:
     def under(prediction: str, good: int, bad: int, config: object) -> list[RunSource]:
         outcomes: list[Outcome] = ["goal_reached"] * good + ["timeout"] * bad
         return [
@@ -307,14 +307,14 @@ def test_three_sides_are_ranked_and_equal_ones_share_a_rank() -> None:
     assert "1. good 20/20, 1. nearly 18/20, 3. bad 8/20;" in found.to_text()
 
 
-def test_differences_below_what_is_measured_are_none() -> None:
+def test_differences_below_the_resolution_do_not_count() -> None:
     first = runs(["goal_reached"] * 8)
     second = runs(["goal_reached"] * 8, SAFE, gaps=[2.009] * 8)
     (metric,) = (one for one in compared(first, second).comparisons[0].metrics if one.name == "minimum_distance_m")
     assert (metric.p, metric.shift) == (1.0, 0.0)
 
 
-def test_a_metric_that_differs_in_some_scenarios_only_is_not_said_to_fall() -> None:
+def test_a_metric_that_differs_in_some_scenarios_only_is_not_reported_to_fall() -> None:
     gaps = [1.5] * 10 + [2.0] * 30
     found = compared(runs(["goal_reached"] * 40), runs(["goal_reached"] * 40, SAFE, gaps)).comparisons[0]
     (metric,) = (one for one in found.metrics if one.name == "minimum_distance_m")
@@ -322,7 +322,7 @@ def test_a_metric_that_differs_in_some_scenarios_only_is_not_said_to_fall() -> N
     assert metric.p_holm < 0.05
     assert (metric.shift, metric.higher, metric.lower, metric.better) == (0.0, 0, 10, None)
     assert "minimum_distance_m falls" not in found.verdict
-    assert "minimum_distance_m (in 0 higher, in 10 lower)" in found.verdict
+    assert "minimum distance (in 0 higher, in 10 lower)" in found.verdict
 
 
 @pytest.mark.parametrize(
@@ -349,7 +349,7 @@ def test_the_code_of_a_headline_follows_its_flips(before: str, after: str, code:
         assert set(found.run_ids[:2]) <= flipped
 
 
-def test_the_table_names_a_better_side_only_where_the_headline_does() -> None:
+def test_the_table_names_a_better_side_only_if_the_headline_does() -> None:
     gaps = [1.0 + n / 10 for n in range(7)]
     wider = [gap + 0.5 for gap in gaps]
     jerky = [metrics(minimum_distance_m=gap, maximum_jerk_mps3=2.0 + (-1) ** n) for n, gap in enumerate(wider)]
@@ -373,7 +373,7 @@ def test_the_table_names_a_better_side_only_where_the_headline_does() -> None:
     assert found.metrics_code == "none"
 
 
-def test_sides_are_compared_in_the_couples_that_are_asked_for() -> None:
+def test_sides_are_compared_in_the_requested_pairs() -> None:
     good, bad = runs(["goal_reached"] * 3), runs(["collision"] * 3, SAFE)
     again = [RunSource(record=one.record.model_copy(update={"run_id": f"{one.record.run_id}_2"})) for one in good]
     worse = [RunSource(record=one.record.model_copy(update={"run_id": f"{one.record.run_id}_2"})) for one in bad]

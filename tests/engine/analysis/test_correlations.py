@@ -37,7 +37,7 @@ def test_without_others_it_is_spearmans() -> None:
     assert rank_correlation(rows.tolist()) == pytest.approx((expected.statistic, expected.pvalue))
 
 
-def test_with_one_held_fixed_it_is_the_partial_correlation_of_the_ranks() -> None:
+def test_controlling_for_one_feature_gives_the_partial_rank_correlation() -> None:
     generator = np.random.default_rng(2)
     third = generator.normal(size=60)
     rows = np.column_stack([third + generator.normal(size=60), third + generator.normal(size=60), third])
@@ -48,13 +48,13 @@ def test_with_one_held_fixed_it_is_the_partial_correlation_of_the_ranks() -> Non
     assert left[0] == pytest.approx(expected)
 
 
-def test_more_runs_of_the_same_scenarios_change_nothing() -> None:
+def test_more_runs_of_the_same_scenarios_change_no_correlation() -> None:
     scenarios = [scenario(number, 5 + number) for number in range(14)]
     reached = [number % 3 != 0 or number < 5 for number in range(14)]
     assert found(runs_of(scenarios, reached)) == found(runs_of(scenarios, reached, times=4))
 
 
-def test_what_only_goes_with_the_cause_vanishes_once_the_cause_is_held_fixed() -> None:
+def test_an_indirect_correlation_vanishes_once_the_cause_is_controlled_for() -> None:
     generator = np.random.default_rng(4)
     obstacles = generator.integers(5, 60, 80)
     trucks = np.minimum(np.rint(obstacles / 6 + generator.normal(0, 1.2, 80)).clip(0), obstacles).astype(int)
@@ -71,7 +71,7 @@ def test_what_only_goes_with_the_cause_vanishes_once_the_cause_is_held_fixed() -
     assert told["obstacles"].p_fixed < 0.01
 
 
-def test_the_kind_of_road_is_held_fixed_where_there_are_several() -> None:
+def test_the_kind_of_road_is_controlled_for_if_there_are_several() -> None:
     scenarios = [scenario(i, 3 + i % 7 + 20 * (i % 2), road="highway" if i % 2 else "urban") for i in range(30)]
     told = found(runs_of(scenarios, [i % 2 == 0 for i in range(30)]))
     assert told["obstacles"].held_fixed == ("road",)
@@ -81,7 +81,7 @@ def test_the_kind_of_road_is_held_fixed_where_there_are_several() -> None:
     assert told["obstacles"].left_in_words() == "; no correlation is left after controlling for road"
 
 
-def test_too_few_scenarios_say_nothing() -> None:
+def test_too_few_scenarios_give_no_correlation() -> None:
     scenarios = [scenario(number, number) for number in range(1, 6)]
     listed, note = correlations(runs_of(scenarios, [True, False, True, False, True], times=5))
     assert listed == ()

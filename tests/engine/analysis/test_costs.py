@@ -14,7 +14,7 @@ def test_a_share_of_no_cost_is_undefined() -> None:
     assert share_of({"prediction": 1.0, "jerk": 3.0}, ["prediction", "unknown"]) == 0.25
 
 
-def test_every_run_counts_the_same_and_the_largest_term_comes_first(tmp_path: Path) -> None:
+def test_every_run_has_the_same_weight_and_the_largest_term_comes_first(tmp_path: Path) -> None:
     first = source(record("ZAM_A-1_1_T-1"), tmp_path, prediction=1.0, jerk=1.0, idle=0.0)
     second = source(record("ZAM_B-1_1_T-1"), tmp_path, prediction=5.0)
     shares = cost_shares(RunSet((first, second)))
@@ -22,7 +22,7 @@ def test_every_run_counts_the_same_and_the_largest_term_comes_first(tmp_path: Pa
     assert [one.share for one in shares] == pytest.approx([3.0 / 3.5, 0.5 / 3.5])
 
 
-def test_costs_are_those_from_a_step_on(tmp_path: Path) -> None:
+def test_costs_count_from_the_given_step_on(tmp_path: Path) -> None:
     runs = RunSet((source(record(), tmp_path, prediction=1.0),))
     (steps,) = runs.steps.values()
     rising = steps.model_copy(update={"costs": {"prediction": tuple(float(step) for step in steps.plan_steps)}})

@@ -24,7 +24,7 @@ def test_unremarkable_runs_give_no_finding(tmp_path: Path) -> None:
     assert found(source(record(), tmp_path, **costs)) == {}
 
 
-def test_names_are_those_of_the_registry() -> None:
+def test_names_match_the_registry() -> None:
     assert len({find.__name__ for find in FINDINGS}) == len(FINDINGS)
 
 
@@ -65,7 +65,7 @@ def test_weak_obstacle_cost_suggests_the_prediction_weight(tmp_path: Path) -> No
         ({"velocity_offset": 4.0, "prediction": 6.0}, "prediction", "lower"),
     ],
 )
-def test_held_back_names_what_outweighs(tmp_path: Path, costs: dict[str, float], weight: str, direction: str) -> None:
+def test_held_back_names_the_largest_term(tmp_path: Path, costs: dict[str, float], weight: str, direction: str) -> None:
     finding = found(source(record(outcome="timeout"), tmp_path, **costs))["held_back"]
     assert finding.suggestion is not None
     assert (finding.suggestion.weight, finding.suggestion.direction) == (weight, direction)
@@ -92,7 +92,7 @@ def close_run(folder: Path, other: DrivenObstacle, gap: float, scenario_id: str 
     return source(record(scenario_id, figures=figures), folder, (other,))
 
 
-def test_near_misses_are_those_that_the_ego_brought_about(tmp_path: Path) -> None:
+def test_near_misses_are_only_those_that_the_ego_caused(tmp_path: Path) -> None:
     gap = 0.4
     ahead = driven(EGO_M + (4.508 + 4.5) / 2 + gap, 0.0, 10.0)
     behind = driven(EGO_M - (4.508 + 4.5) / 2 - gap, 0.0, 10.0)
@@ -106,7 +106,7 @@ def test_near_misses_are_those_that_the_ego_brought_about(tmp_path: Path) -> Non
     assert (both.figures["runs"], both.figures["of"], both.figures["by_others"]) == (1, 2, 1)
 
 
-def test_late_runs_are_laid_to_a_slower_vehicle_within_the_time_gap_of_followers(tmp_path: Path) -> None:
+def test_late_runs_are_attributed_to_a_slower_vehicle_within_the_time_gap_of_followers(tmp_path: Path) -> None:
     late = record(outcome="timeout", figures=metrics(duration_s=4.0))
     road = ScenarioBuilder(town_road().lanes).write(tmp_path / "road.xml")
     scenarios = (ScenarioSource(scenario_id=late.scenario_id, path=str(road)),)
@@ -123,7 +123,7 @@ def test_late_runs_are_laid_to_a_slower_vehicle_within_the_time_gap_of_followers
     assert "held_up" not in names(driven(EGO_M + 50.0, 0.0, 8.0))  # too far ahead
 
 
-def test_a_weight_that_is_off_is_named_where_runs_fail_as_it_works_against() -> None:
+def test_a_disabled_weight_is_named_if_runs_fail_in_what_it_penalises() -> None:
     known = {"prediction": 0.2, "velocity_offset": 1.0}
     off = DEFAULT.model_copy(update={"weights": {**known, "velocity_offset": 0.0}, "default_weights": known})
     late = [source(record(f"ZAM_{n}-1_1_T-1", "timeout")) for n in range(2)]
@@ -147,7 +147,7 @@ def groups(with_truck: str, without: str) -> tuple[RunSource, ...]:
     )
 
 
-def test_a_class_is_harder_only_where_chance_would_not_make_it_so() -> None:
+def test_a_class_is_harder_only_beyond_chance() -> None:
     def names(runs: tuple[RunSource, ...]) -> dict[str, Finding]:
         scenarios = tuple(
             ScenarioSource(
@@ -167,7 +167,7 @@ def test_a_class_is_harder_only_where_chance_would_not_make_it_so() -> None:
     assert "harder_group" not in names(groups("ttgggggg", "gggggggggggt"))
 
 
-def test_one_run_does_not_decide_what_dominates(tmp_path: Path) -> None:
+def test_one_run_does_not_decide_the_dominating_cost(tmp_path: Path) -> None:
     crash = source(record("ZAM_X-1_1_T-1", "collision"), tmp_path, prediction=9000.0, velocity_offset=1.0)
     usual = [
         source(record(f"ZAM_{n}-1_1_T-1"), tmp_path, prediction=1.0, velocity_offset=1.0, lateral_jerk=1.0)
@@ -176,7 +176,7 @@ def test_one_run_does_not_decide_what_dominates(tmp_path: Path) -> None:
     assert "dominating_cost" not in found(crash, *usual)
 
 
-def test_every_finding_that_suggests_says_what_else_it_may_be(tmp_path: Path) -> None:
+def test_every_finding_with_a_suggestion_states_alternatives(tmp_path: Path) -> None:
     weak = source(record(outcome="collision"), tmp_path, prediction=0.05, velocity_offset=5.0)
     harsh = source(record("ZAM_B-1_1_T-1", figures=metrics(maximum_lateral_acceleration_mps2=3.4)))
     told = [one for one in found(weak, harsh).values() if one.suggestion is not None]
@@ -193,11 +193,11 @@ def test_uncomfortable_turns() -> None:
 
 def test_dominating_cost_and_idle_weights(tmp_path: Path) -> None:
     findings = found(source(record(), tmp_path, velocity_offset=9.0, prediction=1.0))
-    assert "velocity_offset is 90 % of the cost in the median run" in findings["dominating_cost"].statement
+    assert "velocity_offset is 90% of the cost in the median run" in findings["dominating_cost"].statement
     assert findings["idle_weights"].statement.startswith("lateral_jerk of frenetix:Default")
 
 
-def test_a_parameter_that_is_no_weight_of_the_cost_is_not_called_idle(tmp_path: Path) -> None:
+def test_a_parameter_that_is_not_a_cost_weight_is_not_called_idle(tmp_path: Path) -> None:
     run = source(record(), tmp_path, velocity_offset=9.0, prediction=1.0)
     declared = DEFAULT.model_copy(update={"parameters": ("lateral_jerk",)})
     assert "idle_weights" not in {one.name for one in find_all(RunSet((run,), (declared,)))}
@@ -209,7 +209,7 @@ def test_a_weight_with_a_differently_named_term_is_not_called_idle(tmp_path: Pat
     assert "idle_weights" not in {one.name for one in find_all(RunSet((run,), (declared,)))}
 
 
-def test_limits_of_fiss_are_no_weights_and_each_weight_has_its_term() -> None:
+def test_limits_of_fiss_are_not_weights_and_each_weight_has_its_term() -> None:
     recorded = costs_of(Mock()).keys()
     weights = tuning_of("fiss").weights
     assert {weight.term or name for name, weight in weights.items() if weight.of_cost} == recorded
@@ -217,7 +217,7 @@ def test_limits_of_fiss_are_no_weights_and_each_weight_has_its_term() -> None:
     assert not any(weights[name].of_cost for name in limits)
 
 
-def test_weights_of_a_planner_that_names_its_terms_otherwise_are_not_called_idle(tmp_path: Path) -> None:
+def test_weights_of_a_planner_with_other_names_of_terms_are_not_called_idle(tmp_path: Path) -> None:
     run = source(record(), tmp_path, comfort=9.0, safety=1.0)
     assert "idle_weights" not in found(run)
 

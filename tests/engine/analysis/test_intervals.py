@@ -51,7 +51,7 @@ def test_no_share_is_refused(count: int, of: int) -> None:
         wilson_interval(count, of)
 
 
-def test_rate_of_nothing_has_no_share() -> None:
+def test_a_rate_over_nothing_has_no_share() -> None:
     empty = rate(0, 0)
     assert (empty.share, empty.low, empty.high) == (None, None, None)
 
@@ -80,7 +80,7 @@ def test_paired_shares_mirror_and_never_contradict_their_test(after: int, before
         assert found.low <= 0 <= found.high
 
 
-def test_five_flips_of_24_pairs_show_nothing_and_their_interval_says_so() -> None:
+def test_five_flips_of_24_pairs_are_not_significant_and_their_interval_says_so() -> None:
     found = paired_shares(alone(0, 5, 19))
     assert found.p == 0.0625
     assert found.high == 0.0
@@ -96,7 +96,7 @@ def repeated(trials: list[tuple[str, int]], times: int) -> list[tuple[str, int]]
 
 
 @given(st.integers(1, 12), st.integers(1, 12), st.integers(2, 5))
-def test_runs_that_repeat_their_scenario_add_nothing(good: int, bad: int, times: int) -> None:
+def test_runs_that_repeat_their_scenario_add_no_evidence(good: int, bad: int, times: int) -> None:
     single = [(f"scenario {index}", int(index < good)) for index in range(good + bad)]
     one = rate_by_scenario((key, bool(value)) for key, value in single)
     many = rate_by_scenario((key, bool(value)) for key, value in repeated(single, times))
@@ -135,7 +135,7 @@ SIGNS = list(itertools.product((1, -1), repeat=3))
 
 
 @pytest.mark.parametrize(("discordant", "difference"), [(0.2, 0.1), (0.15, 0.1), (0.4, 0.15)])
-def test_the_number_of_scenarios_needed_gives_the_power_that_is_said(discordant: float, difference: float) -> None:
+def test_the_number_of_scenarios_needed_gives_the_stated_power(discordant: float, difference: float) -> None:
     needed = needed_scenarios(discordant, difference)
     assert needed is not None
     up, down = (discordant + difference) / 2, (discordant - difference) / 2

@@ -48,14 +48,14 @@ def paired(only_before: int, only_after: int, p: float, low: float, difference: 
     ("text", "outcomes", "holds"),
     [
         ("success >= 0.75", "gggci", True),
-        ("success > 75 %", "gggc", False),
+        ("success > 75%", "gggc", False),
         ("success >= 0.5 with confidence", "gggc", False),
         ("success >= 0.2 with confidence", "gggc", True),
         ("collision <= 0.25", "gggc", True),
         ("collision <= 0.3 with confidence", "gggc", False),
         ("timeout == 0", "gggc", True),
-        ("success_without_unpreventable >= 100 %", "ggu", True),
-        ("success_without_unpreventable >= 100 %", "gguc", False),
+        ("success_without_unpreventable >= 100%", "ggu", True),
+        ("success_without_unpreventable >= 100%", "gguc", False),
         ("preventable_collisions == 0", "gguu", True),
         ("preventable_collisions == 0", "gguc", False),
         ("collisions < 2", "gguc", False),
@@ -65,11 +65,11 @@ def paired(only_before: int, only_after: int, p: float, low: float, difference: 
         ("success >= 0", "ii", False),
     ],
 )
-def test_a_limit_on_shares_and_counts_holds_by_its_figure(text: str, outcomes: str, holds: bool) -> None:
+def test_a_limit_on_shares_and_counts_is_judged_by_its_figure(text: str, outcomes: str, holds: bool) -> None:
     assert parse_limit(text).judge(judged(outcomes)).holds is holds
 
 
-def test_a_limit_on_a_metric_holds_in_every_run_in_a_share_or_by_a_statistic() -> None:
+def test_a_limit_on_a_metric_is_judged_in_every_run_in_a_share_or_by_a_statistic() -> None:
     values = [0.4, 0.6, 0.8, 1.0]
     records = [named(f"run_{i}", record(figures=metrics(minimum_distance_m=value))) for i, value in enumerate(values)]
     alone = metrics(minimum_distance_m=None, minimum_time_headway_s=None)
@@ -78,7 +78,7 @@ def test_a_limit_on_a_metric_holds_in_every_run_in_a_share_or_by_a_statistic() -
     every = parse_limit("minimum_distance_m >= 0.5").judge(runs)
     assert (every.holds, every.run_ids) == (False, ("run_0",))
     assert every.observed == "within in 3 of 4 runs (0.4 to 1 m): run_0"
-    assert parse_limit("minimum_distance_m >= 0.5 in 75 % of runs").judge(runs).holds
+    assert parse_limit("minimum_distance_m >= 0.5 in 75% of runs").judge(runs).holds
     assert not parse_limit("minimum_distance_m >= 0.5 in 0.8 of runs").judge(runs).holds
     assert parse_limit("median minimum_distance_m >= 0.7").judge(runs).holds
     assert not parse_limit("lowest minimum_distance_m >= 0.5").judge(runs).holds
@@ -87,22 +87,22 @@ def test_a_limit_on_a_metric_holds_in_every_run_in_a_share_or_by_a_statistic() -
     assert parse_limit("minimum_time_headway_s >= 99").judge(only_alone).observed == "no run has it"
 
 
-def test_a_baseline_holds_by_the_test_by_a_margin_or_by_every_scenario() -> None:
+def test_a_baseline_is_judged_by_the_test_by_a_margin_or_by_every_scenario() -> None:
     lost = ("run_3 on A",)
     worse = judged("gg", {"base.json": (paired(7, 0, 0.016, -0.55, -0.35), lost)})
     unclear = judged("gg", {"base.json": (paired(2, 1, 1.0, -0.21, -0.05), lost)})
     assert not parse_limit("not worse than base.json").judge(worse).holds
     assert parse_limit("not worse than base.json").judge(unclear).holds
     assert not parse_limit("not worse than base.json by 0.2").judge(unclear).holds
-    assert parse_limit("not worse than base.json by 25 %").judge(unclear).holds
+    assert parse_limit("not worse than base.json by 25%").judge(unclear).holds
     verdict = parse_limit("nothing lost against base.json").judge(unclear)
     assert not verdict.holds
     assert "1 gained, 2 lost of 20 pairs: run_3 on A" in verdict.observed
 
 
-def test_what_a_limit_is_for_is_read_off_its_end() -> None:
+def test_a_limit_s_end_decides_its_quantity() -> None:
     assert parse_limit("success >= 0.9 for the careful one").only == "the careful one"
-    assert parse_limit("not  worse than a/b.json by 5 % for careful").baseline == "a/b.json"
+    assert parse_limit("not  worse than a/b.json by 5% for careful").baseline == "a/b.json"
 
 
 @pytest.mark.parametrize(
@@ -111,17 +111,17 @@ def test_what_a_limit_is_for_is_read_off_its_end() -> None:
         ("success is good", "not a limit"),
         ("succes >= 0.9", "success"),
         ("success >= 90", "between 0 and 1"),
-        ("collisions <= 5 %", "not a share"),
+        ("collisions <= 5%", "not a share"),
         ("median success >= 0.5", "single figure"),
         ("success >= 0.5 in 0.9 of runs", "single figure"),
         ("median duration_s <= 5 in 0.9 of runs", "cannot have a share"),
         ("duration_s <= 5 with confidence", "only shares"),
-        ("nothing lost against b.json by 5 %", "margin"),
+        ("nothing lost against b.json by 5%", "margin"),
         ("success >= nan", "not a limit"),
         ("", "not a limit"),
     ],
 )
-def test_what_says_nothing_is_refused_with_what_is_meant(text: str, said: str) -> None:
+def test_a_limit_without_meaning_is_refused_with_the_intended_one(text: str, said: str) -> None:
     with pytest.raises((InvalidRequest, UnknownName)) as refusal:
         parse_limit(text)
     assert said in refusal.value.text

@@ -113,14 +113,14 @@ def bodies(track_: Track) -> MovingRectangles:
     )
 
 
-def test_braking_for_one_that_stands_across_is_left_until_the_stopping_distance() -> None:
+def test_braking_for_a_vehicle_that_stands_across_starts_at_the_stopping_distance() -> None:
     ego, wall = bodies(track(0.0, 0.0, 16.0)), bodies(track(53.0, 0.0, 0.0, math.pi / 2))
     brake, react = times_left_to_crossing(ego, wall, np.array([50.0 / 16.0]), BMW_320I)
     assert brake[0] == pytest.approx((50.0 - 16.0**2 / 16.0) / 16.0, abs=0.01)
     assert react[0] >= brake[0]
 
 
-def test_accelerating_is_left_where_braking_is_too_late() -> None:
+def test_accelerating_is_a_way_out_if_braking_is_too_late() -> None:
     ego, other = bodies(track(0.0, 0.0, 16.0)), bodies(track(8.0, -9.5, 12.0, math.pi / 2))
     brake, react = times_left_to_crossing(ego, other, np.array([0.55]), replace(BMW_320I, switching_speed_mps=50.0))
     assert brake[0] == 0.0
@@ -177,7 +177,7 @@ def test_an_empty_road_leaves_the_figures_of_the_ego_alone() -> None:
         (track(8.0, 0.0, 0.0, math.pi), "ahead"),
     ],
 )
-def test_the_nearest_is_told_with_its_relation(other: Track, relation: Relation) -> None:
+def test_the_nearest_is_reported_with_its_relation(other: Track, relation: Relation) -> None:
     assert relation in get_args(Relation)
     assert measured(track(0.0, 0.0, 10.0, steps=2), other)["minimum_distance_m"].relation == relation
 

@@ -53,7 +53,7 @@ def test_a_run_computes_every_metric(driven: tuple[RunRecord, RunSet]) -> None:
     assert metrics.model_fields_set == set(RunMetrics.model_fields)
 
 
-def test_the_analysis_measures_of_a_run_what_was_stored_with_it(driven: tuple[RunRecord, RunSet]) -> None:
+def test_the_analysis_measures_the_values_stored_with_the_run(driven: tuple[RunRecord, RunSet]) -> None:
     record, runs = driven
     nothing = RunMetrics.model_construct(**dict.fromkeys(RunMetrics.model_fields))
     computed = {one.name: one.value for one in measures_of(runs, record.model_copy(update={"metrics": nothing}))}
@@ -74,7 +74,7 @@ def test_progress_is_the_share_of_the_path_to_the_goal(driven: tuple[RunRecord, 
     assert elsewhere["maximum_braking_mps2"].value == found["maximum_braking_mps2"].value
 
 
-def test_one_run_and_several_are_told_with_all_measures(driven: tuple[RunRecord, RunSet]) -> None:
+def test_one_run_and_several_are_reported_with_all_measures(driven: tuple[RunRecord, RunSet]) -> None:
     record, runs = driven
     request = AnalyseRequest(results=("run_a",), runs=runs.sources, scenarios=runs.scenarios, detail="measures")
     one = analyse(request, silent)
@@ -90,7 +90,7 @@ def test_one_run_and_several_are_told_with_all_measures(driven: tuple[RunRecord,
     assert count_tokens(several.answer().to_text()) < 1800
 
 
-def test_a_run_without_steps_is_told_what_is_stored(driven: tuple[RunRecord, RunSet]) -> None:
+def test_a_run_without_steps_is_reported_with_its_stored_metrics(driven: tuple[RunRecord, RunSet]) -> None:
     record, _ = driven
     found = {one.name: one for one in measures_of(RunSet((RunSource(record=record),)), record)}
     assert record.metrics is not None
@@ -98,7 +98,7 @@ def test_a_run_without_steps_is_told_what_is_stored(driven: tuple[RunRecord, Run
     assert found["time_to_brake_s"].why == "the steps of the run were not kept"
 
 
-def test_what_cannot_be_attempted_is_not_measured() -> None:
+def test_an_impossible_measure_is_not_computed() -> None:
     run = source(invalid("ZAM_Town-1_1_T-1", "invalid"))
     with pytest.raises(NotPossible, match="nothing to measure"):
         analyse(AnalyseRequest(results=("x",), runs=(run,), detail="measures"), silent)

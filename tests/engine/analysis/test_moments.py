@@ -10,7 +10,7 @@ from support.runs import metrics, record
 
 from plannerforge.engine.analysis.moments import review
 from plannerforge.engine.analysis.run_set import RunSet
-from plannerforge.schemas.reviews import Contact, RunReview
+from plannerforge.schemas.reviews import COLLISION_CAUSES, Contact, RunReview
 from plannerforge.schemas.runs import CollisionRecord, DrivenObstacle, RunSource, RunSteps, ScenarioSource
 
 STEPS = 41
@@ -98,7 +98,7 @@ def test_a_turned_world_gives_the_same_contact(name: str, turn: float, tmp_path:
     assert (found.kind, found.ego_side, found.other_side) == (kind, ego_side, other_side)
 
 
-def test_one_that_comes_across_into_the_way_cuts_in(tmp_path: Path) -> None:
+def test_a_vehicle_that_crosses_into_the_ego_s_path_cuts_in(tmp_path: Path) -> None:
     ego, other = (0.0, 0.0, EAST, 12.0), (4.4, 0.0, EAST, 8.0)
     found = contact(moving(ego, key=0), moving(other, sideways=3.5), folder=tmp_path)
     assert found.kind == "cut_in"
@@ -108,12 +108,12 @@ def test_one_that_comes_across_into_the_way_cuts_in(tmp_path: Path) -> None:
     assert by_ego.kind == "cut_in_by_ego"
 
 
-def test_a_follower_that_changes_lanes_into_the_back_is_no_cut_in(tmp_path: Path) -> None:
+def test_a_follower_that_changes_lanes_into_the_rear_is_not_a_cut_in(tmp_path: Path) -> None:
     found = contact(moving((0, 0, EAST, 12), sideways=3.5, key=0), moving((4.4, 0, EAST, 5)), folder=tmp_path)
     assert found.kind == "rear_end_by_ego"
 
 
-def test_the_words_say_the_moment_the_speeds_and_what_came_first(tmp_path: Path) -> None:
+def test_the_text_states_the_time_the_speeds_and_the_events_before(tmp_path: Path) -> None:
     ego, other = moving((0, 0, EAST, 0), key=0), moving((-4.3, 0, EAST, 9))
     hit = contact(ego, other, folder=tmp_path)
     assert hit.prevention is not None
@@ -168,7 +168,7 @@ def test_the_closest_moment_of_a_success_has_partner_time_and_gap(tmp_path: Path
     ("facing", "speed", "course"),
     [(WEST, 0.0, "standing"), (NORTH, 0.0, "standing"), (EAST, 0.0, "same"), (WEST, 1.0, "oncoming")],
 )
-def test_a_parked_vehicle_is_not_oncoming_whatever_way_it_faces(
+def test_a_parked_vehicle_is_not_oncoming_in_either_direction(
     facing: float, speed: float, course: str, tmp_path: Path
 ) -> None:
     ego, other = moving((20.0, 0.0, EAST, 10.0), key=0), moving((0.0, 6.0, facing, speed))
@@ -179,12 +179,12 @@ def test_a_parked_vehicle_is_not_oncoming_whatever_way_it_faces(
     assert ("oncoming" in found.nearness_in_words()) == (course == "oncoming")
 
 
-def test_a_gap_that_the_tracks_do_not_show_is_not_told(tmp_path: Path) -> None:
+def test_a_gap_that_the_tracks_do_not_show_is_not_reported(tmp_path: Path) -> None:
     ego, other = moving((20.0, 0.0, EAST, 10.0), key=0), moving((0.0, 3.0, EAST, 0.0))
     assert success(ego, other, folder=tmp_path, metrics=metrics(minimum_distance_m=0.4)).closest is None
 
 
-def test_an_empty_scene_says_that_there_is_no_closest_moment(tmp_path: Path) -> None:
+def test_an_empty_scene_is_reported_to_have_no_closest_moment(tmp_path: Path) -> None:
     found = success(moving((20.0, 0.0, EAST, 10.0), key=0), folder=tmp_path)
     assert found.nearness_in_words() == "Closest: no other road user within 60 m."
 
@@ -197,7 +197,7 @@ def test_the_largest_motions_have_their_times(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("speed", "braking", "limit"), [(3.0, 5.2, 5.0), (25.0, 3.6, 3.5), (12.5, 4.4, 4.25)])
-def test_braking_is_held_against_the_limit_at_its_speed(
+def test_braking_is_compared_with_the_limit_at_its_speed(
     speed: float, braking: float, limit: float, tmp_path: Path
 ) -> None:
     felt = (*(0.0,) * 10, *(-braking,) * 31)
@@ -210,7 +210,7 @@ def test_braking_is_held_against_the_limit_at_its_speed(
     assert "braking" not in {one.name for one in calm.uncomfortable}
 
 
-def test_a_peak_shorter_than_the_window_is_no_excess(tmp_path: Path) -> None:
+def test_a_peak_shorter_than_the_window_does_not_exceed_the_limit(tmp_path: Path) -> None:
     felt = (*(0.0,) * 20, *(-6.0,) * 5, *(0.0,) * 16)
     found = success(moving((20, 0, EAST, 3.0), key=0), folder=tmp_path, acceleration_mps2=felt)
     assert "braking" not in {one.name for one in found.uncomfortable}
@@ -241,7 +241,7 @@ FOLLOWER, LEADER = (-4.4, 0.0, EAST, 14.0), (4.4, 0.0, EAST, 2.0)
     ],
     ids=["recorded follower", "reactive follower", "known beforehand", "prediction unknown without the scenario"],
 )
-def test_a_collision_is_laid_to_what_decides(
+def test_a_collision_is_attributed_to_the_decisive_cause(
     other: Place, changes: dict[str, str], laid_to: str | None, tmp_path: Path
 ) -> None:
     found = reviewed(moving((0, 0, EAST, 10), key=0), moving(other), folder=tmp_path, **changes).contact
@@ -250,7 +250,7 @@ def test_a_collision_is_laid_to_what_decides(
 
 
 @pytest.mark.parametrize(("braking_mps2", "laid_to"), [(0.0, "planning"), (9.0, "prediction")])
-def test_prediction_is_held_against_what_came(braking_mps2: float, laid_to: str, tmp_path: Path) -> None:
+def test_predictions_are_compared_with_the_recording(braking_mps2: float, laid_to: str, tmp_path: Path) -> None:
     """A leader that drives on as predicted, and one that brakes hard in the last second."""
     ego, leader = moving((100, 0, EAST, 14), key=0), moving((104.4, 0, EAST, 10))
     late = [max(0.1 * step - 3.0, 0.0) for step in range(STEPS)]
@@ -263,4 +263,4 @@ def test_prediction_is_held_against_what_came(braking_mps2: float, laid_to: str,
     found = reviewed(ego, leader, folder=tmp_path, scenario=scenario).contact
     assert found is not None
     assert found.laid_to == laid_to
-    assert found.in_words().endswith(f"attributed to {laid_to}")
+    assert found.in_words().endswith(f"attributed to {COLLISION_CAUSES[found.laid_to]}")

@@ -26,7 +26,7 @@ def made_of(kind: str) -> Made:
         ("goal", ["stood_in_goal"]),
     ],
 )
-def test_a_stand_has_the_code_of_its_reason(kind: str, codes: list[str], tmp_path: Path) -> None:
+def test_standing_has_the_code_of_its_reason(kind: str, codes: list[str], tmp_path: Path) -> None:
     answer = asked(made_of(kind), tmp_path, 1)
     assert [one.code for one in answer.moments if one.code.startswith("stood")] == codes
 
@@ -41,7 +41,7 @@ def test_later_crossing_traffic_does_not_excuse_a_stop_without_a_cause(tmp_path:
     assert "waited_late" not in answer.findings
 
 
-def test_a_slower_vehicle_beyond_the_time_gap_of_followers_holds_nothing_up(tmp_path: Path) -> None:
+def test_a_slower_vehicle_beyond_the_time_gap_of_followers_does_not_hold_up_the_ego(tmp_path: Path) -> None:
     behind, alone = (
         asked(made_of(kind), tmp_path, number) for number, kind in enumerate(("late behind", "late alone"), 1)
     )
@@ -52,13 +52,15 @@ def test_a_slower_vehicle_beyond_the_time_gap_of_followers_holds_nothing_up(tmp_
 
 
 @pytest.mark.parametrize(("kind", "laid_to"), [("hit, nothing", "ego"), ("hit, leader", "recording")])
-def test_hit_from_behind_is_laid_to_the_ego_if_it_braked_for_nothing(kind: str, laid_to: str, tmp_path: Path) -> None:
+def test_a_hit_from_behind_is_attributed_to_the_ego_if_it_braked_without_cause(
+    kind: str, laid_to: str, tmp_path: Path
+) -> None:
     answer = asked(made_of(kind), tmp_path, 1)
     assert answer.laid_to == laid_to
     assert any(one.is_the_egos for one in answer.moments) == (laid_to == "ego")
 
 
-def test_a_follower_is_no_reason_to_brake(tmp_path: Path) -> None:
+def test_a_follower_is_not_a_reason_to_brake(tmp_path: Path) -> None:
     answer = asked(made_of("hit, nothing"), tmp_path, 1)
     assert [one.code for one in answer.moments] == ["braked_without_cause"]
 
@@ -81,7 +83,7 @@ def test_the_bench_finds_a_wrong_answer() -> None:
     assert not is_right(made_of("red"), Answer((), None, ()), is_braking=False)
 
 
-def test_what_drivers_prevent_is_not_said_of_what_the_ego_made() -> None:
+def test_preventability_is_not_stated_for_a_collision_that_the_ego_caused() -> None:
     never = Prevention(by_braking_until_s=None, by_careful_driver=False, by_rss=False)
     hit = Contact(kind="rear_end_by_other", time_s=3.0, ego_speed_mps=1.0, other_speed_mps=9.0, prevention=never)
     moment = PaceMoment(code="braked_without_cause", since_s=1.0, until_s=2.0, largest_mps2=10.3)

@@ -19,7 +19,7 @@ def test_mcnemar_is_the_binomial_test(before: int, after: int) -> None:
     assert mcnemar_exact(before, after) == pytest.approx(expected)
 
 
-def test_five_flips_one_way_do_not_reach_5_percent_but_six_do() -> None:
+def test_five_flips_in_one_direction_do_not_reach_5_percent_but_six_do() -> None:
     assert mcnemar_exact(0, 5) == 0.0625
     assert mcnemar_exact(0, 6) == 0.03125
 
@@ -72,7 +72,7 @@ def test_interval_covers_the_true_shift_at_its_level() -> None:
     assert 0.93 <= np.mean(covered) <= 0.98
 
 
-def test_equal_values_show_nothing() -> None:
+def test_equal_values_give_no_significance() -> None:
     found = signed_rank([0.0] * 7)
     assert (found.p, found.effect, found.shift) == (1.0, 0.0, 0.0)
 

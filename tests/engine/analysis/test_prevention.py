@@ -13,7 +13,8 @@ from plannerforge.engine.analysis.prevention import Surroundings
 from plannerforge.engine.analysis.prevention import prevention_of as prevention_or_none
 from plannerforge.engine.commonroad import Track
 from plannerforge.engine.planners import DriverPath, brakes_of
-from plannerforge.schemas.reviews import REFERENCE_DRIVERS_DO, DriverVerdict, Prevention
+from plannerforge.schemas.reviews import DriverVerdict, Prevention
+from plannerforge.schemas.text import REFERENCE_DRIVERS_DO
 
 STEP_S = 0.1
 LENGTH_M, WIDTH_M = 4.5, 1.8
@@ -54,9 +55,7 @@ def stopping_m(speed_mps: float) -> float:
 
 @settings(deadline=None, max_examples=25)
 @given(speed_mps=st.floats(5, 30), gap_m=st.floats(60, 120))
-def test_before_a_standing_car_braking_helps_as_late_as_the_stopping_distance_says(
-    speed_mps: float, gap_m: float
-) -> None:
+def test_before_a_standing_car_braking_helps_up_to_the_stopping_distance(speed_mps: float, gap_m: float) -> None:
     ego = track(-1, (0.0, 0.0), speed_mps, 400)
     standing = track(7, (gap_m + LENGTH_M, 0.0), 0.0, 400)
     hit = first_touch(ego, standing)
@@ -78,7 +77,7 @@ def test_a_careful_driver_needs_the_time_that_its_perception_takes() -> None:
         assert found.by_braking_until_s is not None
 
 
-def test_the_careful_driver_is_too_late_where_two_seconds_are_too_short() -> None:
+def test_the_careful_driver_is_too_late_if_two_seconds_are_too_short() -> None:
     ego, standing = track(-1, (0.0, 0.0), 30.0, 200), track(7, (150.0, 0.0), 0.0, 200)
     hit = first_touch(ego, standing)
     found = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S)
@@ -94,19 +93,19 @@ def test_no_ego_prevents_a_recorded_follower_that_drives_into_it() -> None:
     assert not found.possible
     assert {one.start for one in found.drivers} == {"before_contact", "start"}
     assert REFERENCE_DRIVERS_DO in found.in_words()
-    assert "from the start" in found.in_words()
+    assert "at the start" in found.in_words()
     older = found.model_copy(update={"drivers": ()})
-    assert "from the start" not in older.in_words(), "versions before did not examine it"
+    assert "the start" not in older.in_words(), "versions before did not examine it"
 
 
-def test_what_drives_onto_a_standing_ego_is_prevented_by_none() -> None:
+def test_no_driver_prevents_a_hit_on_a_standing_ego() -> None:
     ego, follower = track(-1, (30.0, 0.0), 0.0, 200), track(7, (0.0, 0.0), 10.0, 200)
     hit = first_touch(ego, follower)
     assert not prevention_of(ego.part(0, hit + 1), follower, hit, STEP_S).possible
 
 
 @pytest.mark.parametrize(("enters_at_m", "possible"), [(45.0, True), (6.0, False)])
-def test_a_cut_in_just_ahead_is_prevented_by_none(enters_at_m: float, possible: bool) -> None:
+def test_no_driver_prevents_a_cut_in_just_ahead(enters_at_m: float, possible: bool) -> None:
     ego = track(-1, (0.0, 0.0), 20.0, 200)
     slower = track(7, (enters_at_m, 3.5), 8.0, 200)
     steps = np.arange(200)
@@ -115,7 +114,7 @@ def test_a_cut_in_just_ahead_is_prevented_by_none(enters_at_m: float, possible: 
     assert prevention_of(ego.part(0, hit + 1), slower, hit, STEP_S).possible is possible
 
 
-def test_one_that_crosses_is_seen_before_it_is_in_the_way() -> None:
+def test_a_crossing_vehicle_is_seen_before_it_is_in_the_path() -> None:
     ego = track(-1, (0.0, 0.0), 10.0, 200)
     crossing = track(7, (40.0, -40.0), 10.0, 200, heading_rad=math.pi / 2)
     hit = 36
@@ -124,14 +123,15 @@ def test_one_that_crosses_is_seen_before_it_is_in_the_way() -> None:
     assert found.by_braking_until_s is not None
 
 
-def test_words_name_those_that_prevent_it_and_those_that_do_not() -> None:
+def test_the_text_names_drivers_that_prevent_it_and_drivers_that_do_not() -> None:
     ego, standing = track(-1, (0.0, 0.0), 30.0, 200), track(7, (150.0, 0.0), 0.0, 200)
     hit = first_touch(ego, standing)
     words = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S).in_words()
+    rss = "the driver of Responsibility-Sensitive Safety"
     assert words.startswith("preventable by full braking as late as ")
     assert words.endswith(
-        " s, UN R157's fuzzy driver and RSS, not by UN R157's careful driver; "
-        "if in control from the start, full braking, UN R157's fuzzy driver and RSS prevent it"
+        f" s, UN regulation R157's fuzzy driver and {rss}, not by UN regulation R157's careful driver; "
+        f"if in control from the start, full braking, UN regulation R157's fuzzy driver and {rss} prevent it"
     )
 
 
@@ -139,7 +139,7 @@ def test_a_contact_that_the_tracks_do_not_show_is_not_judged() -> None:
     assert prevention_or_none(track(-1, (0.0, 0.0), 10.0, 50), track(7, (0.0, 50.0), 0.0, 50), 40, STEP_S) is None
 
 
-def test_an_ego_that_stands_turned_keeps_its_heading_in_the_reference_drivers_place() -> None:
+def test_a_standing_turned_ego_keeps_its_heading_in_the_reference_driver_s_place() -> None:
     ego = track(-1, (0.0, 0.0), 0.0, 60, heading_rad=math.pi / 2)
     passing = track(7, (-30.0, 2.5), 10.0, 60)
     assert not prevention_of(ego, passing, 29, STEP_S).possible
@@ -158,7 +158,7 @@ def test_the_fuzzy_driver_begins_earlier_than_the_careful_one(gap_m: float, care
     assert (found.by_careful_driver, found.by_fuzzy_driver) == (careful, fuzzy)
 
 
-def test_the_fuzzy_driver_ignores_one_that_keeps_to_the_lane_beside() -> None:
+def test_the_fuzzy_driver_ignores_a_vehicle_that_keeps_to_the_next_lane() -> None:
     ego, standing = track(-1, (0.0, 0.0), 10.0, 200), track(7, (60.0, 0.0), 0.0, 200)
     hit = first_touch(ego, standing)
     beside = track(7, (60.0, 3.5), 0.0, 200)
@@ -171,7 +171,7 @@ ROAD = shapely.box(-50, -1.75, 500, 5.25)
 """Two lanes of 3.5 m; the ego's is the right one."""
 
 
-def test_steering_aside_helps_where_braking_cannot_any_more() -> None:
+def test_swerving_helps_if_braking_cannot_any_more() -> None:
     ego, standing = track(-1, (0.0, 0.0), 30.0, 200), track(7, (45.0, 0.0), 0.0, 200)
     hit = first_touch(ego, standing)
     found = prevention_or_none(ego.part(0, hit + 1), standing, hit, STEP_S, Surroundings([], ROAD))
@@ -187,9 +187,7 @@ def test_steering_aside_helps_where_braking_cannot_any_more() -> None:
     [((track(8, (2.0, 3.5), 30.0, 200),), ROAD), ((), shapely.box(-50, -1.75, 500, 1.75))],
     ids=["another in the lane beside", "no lane beside"],
 )
-def test_steering_aside_is_no_way_out_where_someone_is_or_no_road(
-    others: tuple[Track, ...], road: shapely.Polygon
-) -> None:
+def test_swerving_fails_without_free_road(others: tuple[Track, ...], road: shapely.Polygon) -> None:
     ego, standing = track(-1, (0.0, 0.0), 30.0, 200), track(7, (45.0, 0.0), 0.0, 200)
     hit = first_touch(ego, standing)
     found = prevention_or_none(ego.part(0, hit + 1), standing, hit, STEP_S, Surroundings(others, road))
@@ -230,7 +228,7 @@ def test_a_driver_that_still_rolls_after_three_seconds_has_not_prevented_anythin
     assert [one.prevents for one in ending.drivers] == [one.prevents for one in whole.drivers]
 
 
-def test_an_ego_that_sped_up_has_made_the_encounter_itself() -> None:
+def test_an_ego_that_sped_up_caused_the_encounter() -> None:
     speeds = np.minimum(8.0 + 3.0 * np.arange(200) * STEP_S, 20.0)
     ego = track(-1, (0.0, 0.0), 8.0, 200)
     ego.speeds_mps[:] = speeds
@@ -243,7 +241,7 @@ def test_an_ego_that_sped_up_has_made_the_encounter_itself() -> None:
     assert found.in_words().endswith("from the start, all drivers prevent it")
 
 
-def test_from_the_start_a_driver_that_runs_into_someone_else_prevents_nothing() -> None:
+def test_from_the_start_a_driver_that_hits_another_vehicle_does_not_prevent_it() -> None:
     ego, crossing = track(-1, (0.0, 0.0), 10.0, 200), track(7, (80.0, -40.0), 5.0, 400, heading_rad=math.pi / 2)
     ego.positions[20:, 0] = ego.positions[19, 0] + np.arange(1, 181) * 0.95  # it slowed for the one in its lane
     hit = next(i for i in range(200) if abs(ego.positions[i, 0] - 80.0) < 3 and abs(crossing.positions[i, 1]) < 3)
@@ -293,7 +291,7 @@ def test_trucks_prevent_less_than_cars() -> None:
     assert latest["car"] - latest["truck"] == pytest.approx((200 / 5.0 - 200 / CAR.full_mps2) / 20.0, abs=0.25)
 
 
-def test_a_road_user_next_to_a_bend_does_not_jump_along_the_path() -> None:
+def test_a_road_user_next_to_a_curve_does_not_jump_along_the_path() -> None:
     """The ego drives a right-angle bend of 10 m; the other moves straight past the middle of the bend, 8 m aside."""
     angle = np.linspace(0.0, math.pi / 2, 60)
     bend = np.column_stack([10.0 * np.sin(angle), 10.0 - 10.0 * np.cos(angle)])
@@ -304,7 +302,7 @@ def test_a_road_user_next_to_a_bend_does_not_jump_along_the_path() -> None:
     assert np.abs(np.diff(stations)).max() < 2.5
 
 
-def test_takeover_times_are_within_the_run_and_say_when_it_is_too_late() -> None:
+def test_takeover_times_are_within_the_run_and_report_if_it_is_too_late() -> None:
     ego, standing = track(-1, (0.0, 0.0), 12.0, 300), track(7, (120.0, 0.0), 0.0, 300)
     hit = first_touch(ego, standing)
     found = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S)

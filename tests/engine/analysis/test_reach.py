@@ -33,7 +33,7 @@ def place(away_m: float) -> Rectangle:
     ],
     ids=["far", "near", "lanelets far", "one lanelet near", "no place"],
 )
-def test_a_goal_too_far_for_its_time_is_told(
+def test_a_goal_too_far_for_its_time_is_reported(
     where: Shape | None, told: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     start = InitialState(
@@ -58,9 +58,7 @@ def test_a_goal_too_far_for_its_time_is_told(
     assert cannot_be_reached(RunSet((RunSource(record=late),), scenarios=(known,)), late) is told
 
 
-def test_a_problem_that_the_file_does_not_hold_refuses_no_analysis(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_problem_missing_from_the_file_refuses_no_analysis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def problem(number: int) -> PlanningProblem:
         raise UnknownName(f"no planning problem {number}")
 

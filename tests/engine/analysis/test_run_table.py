@@ -31,7 +31,7 @@ def request(form: Literal["csv", "parquet"], target: Path, *, with_runs: bool = 
 
 
 @pytest.mark.parametrize("with_runs", [True, False])
-def test_columns_have_their_types_also_where_they_are_empty(tmp_path: Path, with_runs: bool) -> None:
+def test_empty_columns_keep_their_types(tmp_path: Path, with_runs: bool) -> None:
     target = tmp_path / "runs.parquet"
     write_run_table(request("parquet", target, with_runs=with_runs), silent)
     schema = pq.read_table(target).schema
@@ -96,7 +96,7 @@ SERIES = RunSeries(
 )
 
 
-def test_steps_of_a_run_stand_with_series_and_debug_values(tmp_path: Path) -> None:
+def test_steps_of_a_run_come_with_series_and_debug_values(tmp_path: Path) -> None:
     with step_table(tmp_path, "csv", SERIES).open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == 41

@@ -34,10 +34,10 @@ def test_invalid_items_are_in_no_denominator() -> None:
         "collision": (1, 4),
         "timeout": (1, 4),
     }
-    assert "5 runs (4 valid, 1 invalid): goal 2/4 = 50 %" in found.to_text()
+    assert "5 runs (4 valid, 1 invalid): goal 2/4 = 50%" in found.to_text()
 
 
-def test_runs_without_steps_are_told_only_where_costs_are_asked_for() -> None:
+def test_runs_without_steps_are_reported_only_if_costs_are_requested() -> None:
     assert not any("no recorded steps" in note for note in analysed(*five_runs()).notes)
     assert analysed(*five_runs(), detail="costs").note_figures["stepless_runs"] == 4
 
@@ -74,7 +74,7 @@ def test_only_invalid_runs_give_no_rate() -> None:
     assert "goal 0/0" in found.to_text()
 
 
-def test_several_configurations_are_pooled_only_if_asked() -> None:
+def test_several_configurations_are_pooled_only_on_request() -> None:
     runs = [source(record("DEU_A-1_1_T-1")), source(record("DEU_A-1_1_T-1", "collision", SAFE))]
     apart = analysed(*runs)
     assert apart.success is None
@@ -105,7 +105,7 @@ def test_runs_chosen_by_how_they_ended_have_no_rate(where: str, breakdown: str) 
     assert analysed(*runs, where=("country=DEU",)).success is not None
 
 
-def test_groups_by_what_is_asked() -> None:
+def test_groups_follow_the_requested_breakdown() -> None:
     runs = [source(record("DEU_A-1_1_T-1")), source(record("C-USA_B-1_1_T-1", "collision"))]
     by_country = analysed(*runs, breakdown="country").groups
     assert [(group.name, group.success.count) for group in by_country] == [("DEU", 1), ("USA", 0)]
@@ -123,7 +123,7 @@ def test_cost_of_several_configurations_is_not_averaged() -> None:
     assert "mean_total_cost" not in {item.name for item in two.metrics}
 
 
-def test_metrics_count_only_where_they_are_defined() -> None:
+def test_metrics_count_only_if_they_are_defined() -> None:
     runs = [source(record()), source(record("ZAM_B-1_1_T-1", figures=metrics(minimum_distance_m=None)))]
     found = {item.name: item for item in analysed(*runs).metrics}
     assert (found["minimum_distance_m"].n, found["duration_s"].n) == (1, 2)
@@ -164,7 +164,7 @@ def test_invalid_conditions_name_the_valid_ones(condition: str, error: type[Exce
     assert named in str(raised.value)
 
 
-def test_timeline_shows_the_gap_to_the_one_that_was_hit(tmp_path: Path) -> None:
+def test_the_timeline_shows_the_gap_to_the_hit_vehicle(tmp_path: Path) -> None:
     scenario = ScenarioSource(scenario_id="ZAM_Town-1_1_T-1", path=str(town_road().write(tmp_path / "town.xml")))
     run = source(record(outcome="collision", obstacle_id=35), tmp_path, velocity_offset=3.0, prediction=1.0)
     found = analysed(run, detail="timeline", scenarios=(scenario,)).timeline
@@ -180,11 +180,11 @@ def test_timeline_of_several_runs_is_refused() -> None:
         analysed(*five_runs(), detail="timeline")
 
 
-def test_a_timeline_shows_the_span_that_is_asked_for(tmp_path: Path) -> None:
+def test_a_timeline_shows_the_requested_span(tmp_path: Path) -> None:
     run = source(record(), tmp_path, prediction=1.0)
     found = analysed(run, detail="timeline", where=("time_s=1..2",))
     assert [found.timeline[0].time_s, found.timeline[-1].time_s] == [1.0, 2.0]
-    assert "In the requested span:" in found.to_text()
+    assert "In the requested span, " in found.to_text()
     assert analysed(run, detail="timeline", where=("time_s<=0.5",)).timeline[-1].time_s == 0.5
 
 
@@ -202,7 +202,7 @@ def test_spans_that_cannot_be_shown_are_refused(tmp_path: Path, where: tuple[str
         analysed(source(record(), tmp_path), detail=detail, where=where)
 
 
-def test_rows_stand_the_hardest_first() -> None:
+def test_rows_are_sorted_with_the_hardest_first() -> None:
     worst, near, far = metrics(risk_score=0), metrics(risk_score=1), metrics(risk_score=4)
     runs = [
         source(record("ZAM_Far-1_1_T-1", figures=far)),
@@ -214,7 +214,7 @@ def test_rows_stand_the_hardest_first() -> None:
     assert "Hardest first" in found.to_text()
 
 
-def test_findings_that_point_at_no_weight_say_so(tmp_path: Path) -> None:
+def test_findings_that_suggest_no_weight_say_so(tmp_path: Path) -> None:
     assert "do not suggest changing any weight" in analysed(source(record(), tmp_path), detail="findings").to_text()
     harsh = metrics(maximum_lateral_acceleration_mps2=4.0)
     runs = [source(record(f"ZAM_T-{n}_1_T-1", figures=harsh)) for n in range(12)]
@@ -251,17 +251,17 @@ def test_default_answer_of_a_large_batch_stays_small() -> None:
     assert len(found.model_dump_json()) < 10_500
 
 
-def test_a_brief_answer_of_one_run_is_short_and_says_nothing_twice(tmp_path: Path) -> None:
+def test_a_brief_answer_on_one_run_is_short_and_does_not_repeat_itself(tmp_path: Path) -> None:
     scenario = ScenarioSource(scenario_id="ZAM_Town-1_1_T-1", path=str(town_road().write(tmp_path / "town.xml")))
     run = source(record(), tmp_path, velocity_offset=3.0, prediction=1.0)
     said = analysed(run, scenarios=(scenario,)).to_text()
     assert len(said.splitlines()) <= 12
-    assert "Cost: mostly velocity_offset, 75 % of 3 per planning step." in said
+    assert "Cost: mostly velocity_offset, 75% of 3 per planning step." in said
     assert "prediction" not in said
     assert said.count("Minimum distance 2 m") == 1
 
 
-def test_a_missing_metric_is_none_with_the_reason(tmp_path: Path) -> None:
+def test_a_missing_metric_is_null_with_the_reason(tmp_path: Path) -> None:
     alone = metrics(
         minimum_distance_m=None, minimum_time_to_collision_s=None, minimum_time_headway_s=None, risk_score=None
     )
@@ -299,16 +299,16 @@ def test_a_success_shows_its_most_critical_moment_instead_of_its_end(tmp_path: P
     assert found.review.closest is not None
     assert (found.review.closest.obstacle_id, found.review.closest.time_s) == (33, 0.0)
     assert found.timeline[-1].time_s == 1.5
-    assert "Around the most critical moment:" in found.to_text()
+    assert "Around the most critical moment, " in found.to_text()
 
 
-def test_costs_and_rows_are_shown_where_they_are_asked_for(tmp_path: Path) -> None:
+def test_costs_and_rows_are_shown_on_request(tmp_path: Path) -> None:
     run = source(record(), tmp_path, velocity_offset=3.0, prediction=1.0)
-    assert "prediction: 25 % of the cost" in analysed(run, detail="costs").to_text()
+    assert "prediction: 25% of the cost" in analysed(run, detail="costs").to_text()
     assert "run_cfg_a_DEU_Town-1_1_T-1_constant_velocity_0" in analysed(*five_runs(), detail="rows").to_text()
 
 
-def test_rows_come_in_pages_that_hold_every_run_once() -> None:
+def test_rows_come_in_pages_with_every_run_once() -> None:
     runs = [source(record(f"DEU_A-{n}_1_T-1", "collision" if n % 3 else "goal_reached")) for n in range(1, 24)]
     seen, offset = list[str](), 0
     while True:
@@ -323,7 +323,7 @@ def test_rows_come_in_pages_that_hold_every_run_once() -> None:
         analysed(*runs, detail="rows", offset=23)
 
 
-def test_rows_say_of_collisions_where_they_came_from(tmp_path: Path) -> None:
+def test_rows_state_the_direction_of_collisions(tmp_path: Path) -> None:
     scenario = ScenarioSource(scenario_id="ZAM_Town-1_1_T-1", path=str(town_road().write(tmp_path / "town.xml")))
     runs = [source(record(outcome="collision", obstacle_id=32, seed=seed), tmp_path) for seed in range(2)]
     found = analysed(*runs, detail="rows", scenarios=(scenario,))
@@ -347,7 +347,7 @@ def test_a_finding_counts_all_of_its_runs_and_names_the_first() -> None:
 STEERING = LimitExcess(name="steering rate", value=0.75, limit=0.4, unit="rad/s", time_s=2.3)
 
 
-def test_motions_beyond_the_vehicle_are_told_of_one_run_and_counted_of_several(tmp_path: Path) -> None:
+def test_infeasible_motions_are_reported_for_one_run_and_counted_for_several(tmp_path: Path) -> None:
     wild = record().model_copy(update={"beyond_vehicle": (STEERING,)})
     calm = record("ZAM_B-1_1_T-1").model_copy(update={"beyond_vehicle": ()})
     one = analysed(source(wild, tmp_path)).to_text()
@@ -360,7 +360,7 @@ def test_motions_beyond_the_vehicle_are_told_of_one_run_and_counted_of_several(t
     assert analysed(source(calm), source(record("ZAM_C-1_1_T-1"))).beyond_vehicle is None
 
 
-def test_traffic_rules_are_told_of_one_run_and_shares_of_several(tmp_path: Path) -> None:
+def test_traffic_rules_are_reported_for_one_run_and_shares_for_several(tmp_path: Path) -> None:
     road = town_road().with_vehicles()
     scenario = ScenarioSource(scenario_id="ZAM_Town-1_1_T-1", path=str(road.write(tmp_path / "road.xml")))
     runs = [source(record(), tmp_path, (driven(50.0, 0.0, 9.0),)), source(record(seed=1), tmp_path)]
@@ -369,12 +369,12 @@ def test_traffic_rules_are_told_of_one_run_and_shares_of_several(tmp_path: Path)
     assert [verdict.rule for verdict in broken] == ["R_G1"]
     safe_m = 10.0 * 0.4 + 10.0**2 / 20 - 9.0**2 / 21
     assert broken[0].degree == pytest.approx(safe_m - (10.0 - 4.0 - (4.508 + 4.5) / 2), abs=0.01)
-    assert "traffic rules broken: R_G1 safe distance by" in one.to_text()
+    assert "traffic rules broken: R_G1 (safe distance) by" in one.to_text()
     all_rules = analysed(runs[0], scenarios=(scenario,), detail="rules").to_text()
     assert "- not applicable: " in all_rules.splitlines()[-1]
     assert "R_G3 speed limit" in all_rules.splitlines()[-1]
     two = analysed(*runs, scenarios=(scenario,), detail="rules")
     safe = next(share for share in two.rule_shares if share.rule == "R_G1")
     assert (safe.violated.count, safe.violated.of, safe.run_ids) == (1, 1, (runs[0].record.run_id,))
-    assert "R_G1 safe distance: broken in 1/1 = 100 %" in two.to_text()
+    assert "R_G1 safe distance: broken in 1/1 = 100%" in two.to_text()
     assert "R_G3 speed limit" in two.to_text().partition("not applicable in any run: ")[2]

@@ -36,11 +36,11 @@ def test_windows_look_back_and_ahead_in_steps() -> None:
     assert always(RISING, 1, 1).tolist() == [0.5, 2.0, 1.0, INF]
 
 
-def test_there_is_nothing_before_the_first_step() -> None:
+def test_nothing_holds_before_the_first_step() -> None:
     assert previously(RISING).tolist() == [-INF, -1.0, 0.5, 2.0]
 
 
-def test_since_holds_as_long_as_what_has_to_hold() -> None:
+def test_since_holds_as_long_as_its_condition_holds() -> None:
     holds = truth(np.array([True, True, False, True]))
     began = truth(np.array([True, False, False, False]))
     assert since(holds, began).tolist() == [INF, INF, -INF, -INF]

@@ -65,9 +65,9 @@ def test_every_name_that_is_listed_is_carried_by_a_candidate(ladder: sqlite3.Con
     assert set(note(ladder, features=["intersection"]).partition("features ")[2].split(", ")) == {"roundabout", "ramp"}
 
 
-def test_what_was_excluded_is_not_offered(ladder: sqlite3.Connection) -> None:
+def test_excluded_values_are_not_offered(ladder: sqlite3.Connection) -> None:
     assert "existing" not in note(ladder, features=["!roundabout"])
 
 
-def test_places_are_those_that_were_searched(ladder: sqlite3.Connection) -> None:
+def test_places_are_only_the_searched_ones(ladder: sqlite3.Connection) -> None:
     assert note(ladder, within=["ARG_Town-1_1_T-1"], country="JPN").endswith("countries ARG")

@@ -29,7 +29,7 @@ def test_members_are_unpacked_under_their_bare_names(tmp_path: Path) -> None:
     assert names_in(path) == ["2-a.xml", "a.xml", "b.xml", "c.xml"]
 
 
-def test_a_name_that_no_file_system_takes_is_cut(tmp_path: Path) -> None:
+def test_a_name_too_long_for_file_systems_is_cut(tmp_path: Path) -> None:
     (name,) = names_in(packed(tmp_path / "a.zip", "ä" * 300 + ".xml"))
     assert name.startswith("0-")
     assert name.endswith("ää.xml")

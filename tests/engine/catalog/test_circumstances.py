@@ -42,26 +42,26 @@ def test_weather_and_time_are_found_by_the_words_that_people_use(slots: dict[str
     assert [one.scenario_id for one in matches] == [f"DEU_{name}-1_1_T-1" for name in names]
 
 
-def test_an_answer_says_where_it_looked_and_by_which_fact() -> None:
+def test_an_answer_states_where_it_looked_and_the_fact() -> None:
     found = answer(tags=["night"])
     assert found.notes == ("'night' is not a tag; searched among weather and times of day.",)
-    assert found.matches[0].satisfied == ("circumstance night",)
+    assert found.matches[0].satisfied == ("weather or time night",)
 
 
-def test_where_nothing_matches_the_words_that_exist_are_named() -> None:
+def test_existing_words_are_named_if_nothing_matches() -> None:
     found = answer(tags=["fog"])
     assert found.emptied_by is not None
     assert "weather and times of day" in found.emptied_by.note
     assert all(word in found.emptied_by.note for word in ("snow", "night", "light_rain", "rush_hour"))
-    assert any("'fog' as a circumstance" in note for note in found.notes)
+    assert any("'fog'" in note and "weather or time of day" in note for note in found.notes)
 
 
-def test_a_catalogue_that_states_none_refuses_them_as_words_of_no_vocabulary() -> None:
+def test_a_catalogue_without_circumstances_refuses_them_as_unknown_words() -> None:
     with pytest.raises(UnknownName, match="'night' is not a tag"):
         answer({"A": ()}, tags=["night"])
 
 
-def test_circumstances_stand_in_descriptions_and_among_the_facets_of_tags() -> None:
+def test_circumstances_are_in_descriptions_and_among_the_facets_of_tags() -> None:
     assert "Circumstances: night, snow." in description_of(entry("A", HELD["A"]))
     assert "Circumstances" not in description_of(entry("D", ()))
     _, facets = scenario_facets(catalogue([entry(*one) for one in HELD.items()]), "tags", None)

@@ -34,14 +34,14 @@ def test_sets_of_entries_are_sets_of_their_numbers(numbers: list[int], some: set
 
 
 @given(catalogues)
-def test_the_first_entries_are_those_whose_ids_come_first(numbers: list[int]) -> None:
+def test_the_first_entries_have_the_first_ids(numbers: list[int]) -> None:
     entries = Entries(array("q", numbers))
     assert list(entries.all) == numbers
     assert entries.of(reversed(numbers)).first(7) == numbers[:7]
     assert [entries.place(number) for number in numbers] == list(range(len(numbers)))
 
 
-def test_what_is_kept_follows_the_catalogue() -> None:
+def test_the_cache_follows_the_catalogue() -> None:
     connection, postings = catalogue([facts("DEU_B-1_1_T-1", tags=["urban"])]), Postings()
     before = postings.entries(connection)
     assert list(postings.holding(connection, before, ANY_OF, ("urban",))) == [1]
@@ -54,7 +54,7 @@ def test_what_is_kept_follows_the_catalogue() -> None:
     assert list(postings.entries(connection).all) == [5]
 
 
-def test_a_column_is_in_the_order_of_ids_and_has_no_number_where_an_entry_has_none() -> None:
+def test_a_column_is_in_the_order_of_ids_with_gaps_for_missing_values() -> None:
     connection, postings = catalogue([facts("DEU_B-1_1_T-1"), facts("DEU_A-1_1_T-1")]), Postings()
     connection.execute("UPDATE catalog_scenarios SET ttc_s = 2.5 WHERE number = 2")
     connection.execute("UPDATE catalog_scenarios SET ttc_s = NULL WHERE number = 1")
@@ -62,7 +62,7 @@ def test_a_column_is_in_the_order_of_ids_and_has_no_number_where_an_entry_has_no
 
 
 @pytest.mark.parametrize("sort", ["match", "size", "criticality"])
-def test_of_many_matches_the_first_are_those_of_the_whole_order(monkeypatch: pytest.MonkeyPatch, sort: str) -> None:
+def test_the_first_of_many_matches_follow_the_whole_order(monkeypatch: pytest.MonkeyPatch, sort: str) -> None:
     made = [facts(f"DEU_T-{number}_1_T-1", counts={"car": number * 7 % 31 + 1}) for number in range(1, 60)]
     connection, arguments = catalogue(made), FindScenariosArguments.model_validate({"sort": sort})
     whole = Search(connection, arguments).find(None)

@@ -36,9 +36,9 @@ def answer(*all_facts: ScenarioFacts, **slots: Any) -> FindScenariosResult:
     [
         ({"city": "bonn"}, "Bonn, DEU"),
         ({"tags": ["urban"]}, "tag urban"),
-        ({"tags": ["!rural"]}, "tag no rural"),
+        ({"tags": ["!rural"]}, "no tag rural"),
         ({"tags": ["rural|urban"]}, "tag urban"),
-        ({"tags": ["!rural|critical"]}, "tag no rural, no critical"),
+        ({"tags": ["!rural|critical"]}, "no tag rural or critical"),
         ({"features": ["ramp"]}, "feature ramp"),
         ({"features": ["horizon>=5s"]}, "horizon 5 s"),
         ({"features": ["density<1"]}, "density 0 vehicles/km"),
@@ -67,7 +67,7 @@ def test_a_time_to_conflict_is_shown_in_seconds() -> None:
     assert answer(soon, features=["ttc<=3s"]).matches[0].satisfied == ("ttc 2.5 s",)
 
 
-def test_without_an_ego_its_facts_are_said_to_be_missing() -> None:
+def test_without_an_ego_its_facts_are_reported_as_missing() -> None:
     nobody = made().model_copy(update={"egos": ()})
     found = answer(nobody, road_net=["!lanes=2"], tags=["urban"])
     assert found.matches[0].satisfied == ("tag urban", "no ego")
@@ -75,15 +75,15 @@ def test_without_an_ego_its_facts_are_said_to_be_missing() -> None:
     assert nearest.unmet == ("ego_speed 10m/s (no ego)",)
 
 
-def test_what_comes_nearest_names_what_it_misses_and_what_it_has_instead() -> None:
+def test_the_nearest_scenario_names_its_missing_conditions_and_its_own_values() -> None:
     found = answer(made(), tags=["urban", "rural"], obstacles=["truck=1"], road_net=["speed_limit=100km/h"])
     (nearest,) = found.fallback
     assert nearest.satisfied == ("tag urban",)
-    assert nearest.unmet == (*("rural (tag no rural)", "speed_limit=100km/h (limit 30/50 km/h)", "truck=1 (truck=2)"),)
+    assert nearest.unmet == (*("rural (no tag rural)", "speed_limit=100km/h (limit 30/50 km/h)", "truck=1 (truck=2)"),)
     assert found.matches == ()
 
 
-def test_the_stages_count_what_each_leaves() -> None:
+def test_the_stages_count_their_remaining_scenarios() -> None:
     others = [facts(f"DEU_Bonn-{n}_1_T-1", tags=["urban"]) for n in (2, 3)]
     found = answer(made(), *others, facts("ESP_Vigo-1_1_T-1"), country="DEU", tags=["urban"], obstacles=["car"])
     assert [(stage.stage, stage.left) for stage in found.stages] == [("location", 3), ("tags", 3), ("obstacles", 1)]
@@ -123,7 +123,7 @@ def unlike() -> list[ScenarioFacts]:
     ]
 
 
-def test_a_diverse_choice_covers_most_and_leaves_out_what_is_alike(unlike: list[ScenarioFacts]) -> None:
+def test_a_diverse_choice_covers_most_and_leaves_out_similar_scenarios(unlike: list[ScenarioFacts]) -> None:
     found = answer(*unlike, diverse=3)
     assert [one.scenario_id[4] for one in found.matches] == ["C", "D", "A"]
     covered = {one.dimension: (one.covered, one.missed) for one in found.coverage}
@@ -138,13 +138,13 @@ def test_a_diverse_choice_covers_most_and_leaves_out_what_is_alike(unlike: list[
     }
 
 
-def test_a_smaller_choice_says_what_it_misses(unlike: list[ScenarioFacts]) -> None:
+def test_a_smaller_choice_states_what_it_misses(unlike: list[ScenarioFacts]) -> None:
     found = answer(*unlike, diverse=2)
     missed = {one.dimension: one.missed for one in found.coverage if one.missed}
     assert missed == {"ego_speed_mps": ("<0.5",), "obstacles_total": ("1..6",)}
 
 
-def test_when_all_is_covered_the_choice_begins_anew_with_the_rest() -> None:
+def test_when_all_is_covered_the_choice_begins_again_with_the_rest() -> None:
     alike = [facts(f"DEU_{letter}-1_1_T-1") for letter in "ABC"]
     assert [one.scenario_id[4] for one in answer(*alike, diverse=2).matches] == ["A", "B"]
 
@@ -165,7 +165,7 @@ def test_a_line_tells_traffic_speed_lanes_and_manoeuvre() -> None:
     assert summary(made(counts={}).model_copy(update={"egos": ()})) == "no traffic"
 
 
-def test_a_description_says_in_sentences_what_the_facts_say() -> None:
+def test_a_description_states_the_facts_in_sentences() -> None:
     one = made(tags=["multi_lane", "urban"], features=["roundabout", "ego_turns_left"], counts={"bus": 2, "car": 1})
     assert description_of(one) == (
         "Traffic scenario in Bonn, DEU. Tagged multi lane, urban. The road shows a roundabout. Road: 2 lanes in the "
@@ -174,7 +174,7 @@ def test_a_description_says_in_sentences_what_the_facts_say() -> None:
     )
 
 
-def test_a_description_leaves_out_what_there_is_not() -> None:
+def test_a_description_leaves_out_missing_facts() -> None:
     bare = facts("DEU_Bonn-1_1_T-1", speed_mps=0.4, lanes=0)
     expected = "Traffic scenario in Bonn, DEU. No other traffic. The ego vehicle stands, within 5 s."
     assert description_of(bare) == expected

@@ -81,7 +81,7 @@ def test_signs_are_counted_on_the_ego_s_lane_and_on_the_map(three: sqlite3.Conne
     assert notes(three, "road_net")["road_net"] == "ego's lane, or @map"
 
 
-def test_only_what_was_asked_for_is_counted(three: sqlite3.Connection) -> None:
+def test_only_requested_facets_are_counted(three: sqlite3.Connection) -> None:
     within = frozenset({"DEU_Bonn-2_1_T-1", "ESP_Vigo-1_1_T-1"})
     number, _ = scenario_facets(three, "all", within)
     found = counted(three, "all", within)
@@ -93,7 +93,7 @@ def test_only_what_was_asked_for_is_counted(three: sqlite3.Connection) -> None:
     assert found["road_net"] == {"speed_limit": 1, "stop@map": 1, "traffic_light@map": 1, "speed_limit@map": 1}
 
 
-def test_long_facets_are_cut_short_and_say_how_much_is_hidden() -> None:
+def test_long_facets_are_shortened_with_the_number_of_hidden_entries() -> None:
     limits = (30.0, 40.0, 50.0, 60.0)
     codes = ("ARG", "AUT", "BEL", "BRA", "CHN", "DEU", "ESP", "FRA", "GRC", "ITA", "JPN", "POL", "USA")
     roads = RoadFacts(lanelets=1, limits_ego_kmh=limits, limits_map_kmh=limits, signs_ego=("stop", "yield", "priority"))
@@ -105,4 +105,4 @@ def test_long_facets_are_cut_short_and_say_how_much_is_hidden() -> None:
     assert whole["road_net"]["speed_limit"] == 13
     assert "in 13 scenarios" in notes(many, "all")["speed_limit"], "as many as have the sign, whatever is listed"
     assert "1 more limit with facet road_net" in notes(many, "all")["speed_limit"]
-    assert notes(many, "places")["places"] == "of scenarios; of maps: facet maps"
+    assert "facet maps" in notes(many, "places")["places"]

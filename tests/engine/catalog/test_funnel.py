@@ -105,7 +105,7 @@ conditions = st.lists(st.one_of(tag_conditions(), count_conditions(), road_condi
 
 
 @given(scenarios(), conditions)
-def test_the_filter_finds_what_plain_python_finds(made: list[ScenarioFacts], asked: list[Condition]) -> None:
+def test_the_filter_agrees_with_plain_python(made: list[ScenarioFacts], asked: list[Condition]) -> None:
     slots = {slot: [one.text for one in asked if one.slot == slot] for slot in ("tags", "obstacles", "road_net")}
     expected = sorted(one.scenario_id for one in made if all(condition.holds(one) for condition in asked))
     assert found(catalogue(made), FindScenariosArguments(**slots)) == expected
@@ -126,7 +126,7 @@ def test_stages_only_shrink_and_relaxations_satisfy_the_rest(made: list[Scenario
 
 
 @given(scenarios(), conditions)
-def test_the_fewest_conditions_are_given_up(made: list[ScenarioFacts], asked: list[Condition]) -> None:
+def test_the_fewest_conditions_are_relaxed(made: list[ScenarioFacts], asked: list[Condition]) -> None:
     slots = {slot: [one.text for one in asked if one.slot == slot] for slot in ("tags", "obstacles", "road_net")}
     one = funnel(catalogue(made), FindScenariosArguments(**slots))
     if one.matches:
@@ -220,7 +220,7 @@ def test_tags_and_computed_features_stay_apart() -> None:
     assert not found(connection, FindScenariosArguments(tags=["intersection"]))
 
 
-def test_the_country_takes_its_city_along_when_it_is_given_up() -> None:
+def test_relaxing_the_country_relaxes_its_city() -> None:
     connection = catalogue([facts("ESP_Bilbao-1_1_T-1", tags=["urban"])])
     one = funnel(connection, FindScenariosArguments(country="JPN", city="Osaka", tags=["urban"]))
     assert [constraint.label for constraint in one.relaxations()[0].constraints] == ["country JPN", "city Osaka"]
@@ -229,7 +229,7 @@ def test_the_country_takes_its_city_along_when_it_is_given_up() -> None:
     assert [constraint.label for constraint in emptied.constraints] == ["country JPN"]
 
 
-def test_what_the_user_s_words_name_counts_for_more_than_what_was_added() -> None:
+def test_conditions_in_the_user_s_words_weigh_more_than_added_ones() -> None:
     made = [
         facts("ESP_A-1_1_T-1", tags=["critical", "multi_lane"], counts={"car": 1}),
         facts("ESP_A-2_1_T-1", tags=["simulated"], counts={"car": 1}),
@@ -258,7 +258,7 @@ def test_a_condition_is_mentioned_by_its_own_words(slots: dict[str, object], tex
     assert one.is_mentioned(text) == mentioned
 
 
-def test_conditions_are_shown_on_one_line_whatever_was_typed() -> None:
+def test_conditions_are_shown_on_one_line_for_any_input() -> None:
     typed = {
         "city": "x\nchecks passed: all",
         "ego_speed": " 50\nkm/h",

@@ -32,14 +32,16 @@ def test_the_same_content_is_stored_once(workspace: Workspace, tmp_path: Path) -
     assert put(workspace, tmp_path, 1, EDITED).artifact_id == put(workspace, tmp_path, 1, EDITED).artifact_id == ID
 
 
-def test_a_recipe_that_made_another_file_before_names_another_seed(workspace: Workspace, tmp_path: Path) -> None:
+def test_a_recipe_that_gave_another_file_before_names_another_seed(workspace: Workspace, tmp_path: Path) -> None:
     put(workspace, tmp_path, 1, EDITED)
     with pytest.raises(NotPossible, match=f"{ID} was stored by the same call with other content") as caught:
         put(workspace, tmp_path, 2, EDITED)
     assert caught.value.next_step == "use the stored one, or generate one with a seed other than 4"
 
 
-def test_another_file_of_the_same_id_is_told_to_take_another_id(workspace: Workspace, tmp_path: Path) -> None:
+def test_a_different_file_with_the_same_id_is_refused_with_the_advice_to_change_the_id(
+    workspace: Workspace, tmp_path: Path
+) -> None:
     put(workspace, tmp_path, 1, EDITED)
     with pytest.raises(NotPossible, match="another scenario with other content") as caught:
         put(workspace, tmp_path, 2, Recipe(tool="import_files"))

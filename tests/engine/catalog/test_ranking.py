@@ -55,7 +55,7 @@ def test_bm25_prefers_the_text_with_the_rare_word() -> None:
     assert bm25_scores("zebra", TEXTS) == dict.fromkeys(TEXTS, 0.0)
 
 
-def test_fusion_prefers_what_both_rankings_like() -> None:
+def test_fusion_prefers_scenarios_high_in_both_rankings() -> None:
     assert reciprocal_rank_fusion([["a", "b", "c"], ["b", "d"]])[0] == "b"
 
 
@@ -76,7 +76,7 @@ def test_only_candidates_are_ranked(tmp_path: Path) -> None:
     assert query(folder, embed(["x"])[0], [], 10) == []
 
 
-def test_a_changed_catalogue_embeds_only_what_is_new(tmp_path: Path) -> None:
+def test_only_new_descriptions_are_embedded_after_a_change(tmp_path: Path) -> None:
     embed = CountingEmbedding()
     first, _ = ensure_generation(tmp_path, TEXTS, "letters", embed)
     embed.asked.clear()
@@ -86,7 +86,7 @@ def test_a_changed_catalogue_embeds_only_what_is_new(tmp_path: Path) -> None:
     assert query(first, embed(["truck"])[0], None, 5)
 
 
-def test_a_generation_that_a_crash_left_is_built_anew(tmp_path: Path) -> None:
+def test_a_generation_that_a_crash_left_is_built_again(tmp_path: Path) -> None:
     embed = CountingEmbedding()
     folder, _ = ensure_generation(tmp_path, TEXTS, "letters", embed)
     (folder / COMPLETE).unlink()
@@ -140,7 +140,7 @@ def test_collections_carry_no_embedding_function(tmp_path: Path) -> None:
     assert "onnx" not in stored
 
 
-def test_a_generation_that_is_built_anew_while_it_is_open_is_read_anew(tmp_path: Path) -> None:
+def test_a_generation_that_is_built_again_while_it_is_open_is_read_again(tmp_path: Path) -> None:
     embed = CountingEmbedding()
     folder, _ = ensure_generation(tmp_path, TEXTS, "letters", embed)
     assert len(query(folder, embed(["bus"])[0], None, 5)) == 3
@@ -150,7 +150,7 @@ def test_a_generation_that_is_built_anew_while_it_is_open_is_read_anew(tmp_path:
     assert len(query(folder, embed(["bus"])[0], None, 5)) == 3
 
 
-def test_what_was_embedded_before_an_interruption_is_not_embedded_again(tmp_path: Path) -> None:
+def test_embeddings_from_before_an_interruption_are_reused(tmp_path: Path) -> None:
     class Interrupted(CountingEmbedding):
         def __call__(self, texts: Sequence[str]) -> Vectors:
             if self.asked:
@@ -199,7 +199,7 @@ def test_the_packaged_model_finds_the_description_that_means_the_same(database: 
     assert not ranked(database).built_index
 
 
-def test_an_index_that_other_weights_made_is_made_anew(database: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_index_of_other_weights_is_rebuilt(database: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as earlier:  # as a release with other weights left the workspace
         earlier.setattr(packaged_model, "WEIGHTS_SHA256", "0" * 64)
         earlier.setattr(vector_index, "load_packaged", lambda name: CountingEmbedding())
@@ -211,20 +211,20 @@ def test_an_index_that_other_weights_made_is_made_anew(database: Path, monkeypat
 
 
 @pytest.mark.parametrize("method", ["bm25", "semantic"])
-def test_no_candidates_are_none_and_not_all(database: Path, method: Literal["bm25", "semantic"]) -> None:
+def test_an_empty_list_of_candidates_ranks_no_scenarios(database: Path, method: Literal["bm25", "semantic"]) -> None:
     request = RankRequest(
         database=database, index=database.parent / "index", text="cyclists", candidates=(), method=method, limit=1
     )
     assert rank(request, silent).scenario_ids == ()
 
 
-def test_an_index_that_was_made_ready_is_not_built_by_the_first_search(database: Path) -> None:
+def test_a_prepared_index_is_not_built_by_the_first_search(database: Path) -> None:
     request = BuildIndexRequest(database=database, index=database.parent / "index")
     assert build_index(request, silent) == BuildIndexResponse(descriptions=2, built=True)
     assert not ranked(database).built_index
 
 
-def test_an_index_of_no_catalogue_is_no_failure(tmp_path: Path) -> None:
+def test_an_index_of_an_empty_catalogue_is_not_a_failure(tmp_path: Path) -> None:
     request = BuildIndexRequest(database=tmp_path / "none.sqlite", index=tmp_path / "index")
     assert build_index(request, silent).descriptions == 0
 
@@ -238,7 +238,7 @@ def spoilt(path: Path, how: str) -> None:
 
 
 @pytest.mark.parametrize("how", ["rubbish", "empty", "truncated"])
-def test_a_damaged_generation_is_made_anew_and_told(database: Path, how: str) -> None:
+def test_a_damaged_generation_is_rebuilt_and_reported(database: Path, how: str) -> None:
     before = ranked(database)
     (file,) = database.parent.glob("index/*/chroma/chroma.sqlite3")
     remove_damaged(file.parents[2])  # lets go of the file, as another process would find it
@@ -258,7 +258,7 @@ def test_a_damaged_generation_is_made_anew_and_told(database: Path, how: str) ->
         ("writer.sqlite", "rubbish", True),
     ],
 )
-def test_what_an_index_keeps_beside_is_made_anew(database: Path, name: str, how: str, told: bool) -> None:
+def test_extra_files_of_an_index_are_rebuilt(database: Path, name: str, how: str, told: bool) -> None:
     build_index(BuildIndexRequest(database=database, index=database.parent / "index"), silent)
     spoilt(database.parent / "index" / name, how)
     with sqlite3.connect(database) as connection:
@@ -277,7 +277,7 @@ def test_a_generation_that_lacks_vectors_is_damaged(tmp_path: Path) -> None:
     assert damaged_parts(tmp_path) == [folder]
 
 
-def test_a_full_disk_is_no_damage(tmp_path: Path) -> None:
+def test_a_full_disk_is_not_damage(tmp_path: Path) -> None:
     class Full(CountingEmbedding):
         def __call__(self, texts: Sequence[str]) -> Vectors:
             raise sqlite3.OperationalError("database or disk is full")

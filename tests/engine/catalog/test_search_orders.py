@@ -40,7 +40,7 @@ def test_hybrid_ranks_the_country_and_matches_satisfy_all(three: sqlite3.Connect
     assert found.fallback == ()
 
 
-def test_rrf_puts_what_both_rankings_like_first_and_the_rest_apart(three: sqlite3.Connection) -> None:
+def test_rrf_puts_scenarios_high_in_both_rankings_first_and_the_rest_apart(three: sqlite3.Connection) -> None:
     found = answer(three, (ABROAD, LARGE, SMALL), method="rrf", text="a town", tags=["urban"])
     assert set(ids(found)) == {SMALL, LARGE}
     assert [one.scenario_id for one in found.fallback] == [ABROAD]
@@ -52,7 +52,7 @@ def test_every_match_has_the_score_of_its_text(three: sqlite3.Connection) -> Non
     assert {one.score for one in answer(three).matches} == {None}
 
 
-def test_a_diverse_choice_says_which_matches_it_did_not_look_at(
+def test_a_diverse_choice_states_which_matches_it_did_not_examine(
     three: sqlite3.Connection, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert answer(three, diverse=2).notes == ()

@@ -24,7 +24,7 @@ def store(workspace: Workspace, scenario_id: str) -> None:
     workspace.put("scenario", scenario_id, recipe=Recipe(tool="import_files"), record=record)
 
 
-def test_a_new_workspace_holds_the_starter_scenarios_with_their_files(tmp_path: Path) -> None:
+def test_a_new_workspace_has_the_starter_scenarios_with_their_files(tmp_path: Path) -> None:
     workspace = Workspace(tmp_path)
     open_catalogue(workspace)
     assert count(workspace) >= 12
@@ -43,7 +43,7 @@ def test_the_starter_is_put_in_once(tmp_path: Path) -> None:
     workspace.close()
 
 
-def test_a_full_disk_leaves_nothing_of_the_starter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_leaves_no_starter_scenarios(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(descriptor: int) -> None:
         raise OSError(errno.ENOSPC, "no space left on device")
 
@@ -58,7 +58,7 @@ def test_a_full_disk_leaves_nothing_of_the_starter(tmp_path: Path, monkeypatch: 
     workspace.close()
 
 
-def test_what_another_server_stored_is_entered_by_the_next_look(tmp_path: Path) -> None:
+def test_scenarios_of_another_server_are_entered_by_the_next_search(tmp_path: Path) -> None:
     one, other = Workspace(tmp_path), Workspace(tmp_path)
     open_catalogue(one, with_starter=False)
     store(other, "DEU_Bonn-1_1_T-1")
@@ -70,7 +70,7 @@ def test_what_another_server_stored_is_entered_by_the_next_look(tmp_path: Path) 
     other.close()
 
 
-def test_tables_of_another_version_are_filled_anew(tmp_path: Path) -> None:
+def test_tables_of_another_version_are_filled_again(tmp_path: Path) -> None:
     workspace = Workspace(tmp_path)
     open_catalogue(workspace, with_starter=False)
     store(workspace, "DEU_Bonn-1_1_T-1")

@@ -31,9 +31,14 @@ from plannerforge.schemas.scenarios import ScenarioFacts
         ("merging lanes near a pedestrian crossing in town", []),
         ("dense traffic without overtaking", []),
         ("a rainy evening", []),
+        ("no trucks, left turn", ["!truck"]),
+        ("a junction without lorries or buses", ["!truck", "!bus"]),
+        ("no cars and a roundabout", ["!car"]),
+        ("no car ahead", []),
+        ("no cars or buses ahead", []),
     ],
 )
-def test_a_text_that_says_what_happens_is_a_condition(text: str, labels: Sequence[str]) -> None:
+def test_a_text_about_a_manoeuvre_is_a_condition(text: str, labels: Sequence[str]) -> None:
     assert [one.label for one in conditions_in_text(text).constraints] == labels
 
 
@@ -53,7 +58,7 @@ def searched(**slots: object) -> Search:
     return Search(connection, FindScenariosArguments.model_validate(slots))
 
 
-def test_a_text_matches_what_happens_and_not_all_that_holds_its_words() -> None:
+def test_a_text_matches_manoeuvres_and_not_all_scenarios_with_its_words() -> None:
     search = searched(text="truck cuts in")
     ranking = Ranking(ALL, dict.fromkeys(ALL, 0.5))
     answer = search.answer("search", search.find(ranking), ranking)
@@ -61,22 +66,22 @@ def test_a_text_matches_what_happens_and_not_all_that_holds_its_words() -> None:
     assert any("features=cut_in:truck" in note for note in answer.notes)
 
 
-def test_a_manoeuvre_is_asked_for_with_or_without_the_road_user() -> None:
+def test_a_manoeuvre_is_requested_with_or_without_the_road_user() -> None:
     assert len(searched(features=["cut_in"]).funnel.matches) == 2
     assert len(searched(features=["cut_in:lorry"]).funnel.matches) == 1
     assert len(searched(features=["!cut_in:truck"]).funnel.matches) == 2
 
 
-def test_a_feature_that_is_nothing_a_road_user_does_takes_no_type() -> None:
+def test_a_feature_that_is_not_a_manoeuvre_takes_no_type() -> None:
     with pytest.raises(UnknownName):
         searched(features=["roundabout:truck"])
 
 
-def test_scenarios_from_before_manoeuvres_were_computed_are_told() -> None:
+def test_scenarios_from_before_manoeuvres_were_computed_are_reported() -> None:
     search = Search(catalogue([facts(ALL[0]), doing(ALL[1])]), FindScenariosArguments(features=["cut_in"]))
     assert any("for 1 scenario " in note for note in search.answer("search", search.find(None), None).notes)
 
 
-def test_where_features_say_what_happens_the_text_only_ranks() -> None:
+def test_the_text_only_ranks_if_features_name_the_manoeuvre() -> None:
     search = searched(text="the overtaking bug", features=["cut_in"])
     assert [one.label for one in search.funnel.constraints] == ["feature cut_in"]

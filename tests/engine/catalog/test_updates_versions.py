@@ -69,7 +69,7 @@ def test_an_earlier_version_can_be_listed_again_until_a_newer_one_comes(workspac
     assert listed(workspace) == ["ZAM_A-1_3_T-1", "ZAM_C-1_1_T-1"]
 
 
-def test_what_is_listed_again_stays_so_when_the_tables_are_made_anew(workspace: Workspace) -> None:
+def test_a_relisted_scenario_stays_listed_when_the_tables_are_rebuilt(workspace: Workspace) -> None:
     put(workspace, "ZAM_A-1_1_T-1")
     put(workspace, "ZAM_A-1_2_T-1", "ZAM_A-1_1_T-1")
     list_again(workspace.database, "ZAM_A-1_1_T-1")

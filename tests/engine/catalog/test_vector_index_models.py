@@ -44,7 +44,7 @@ def test_the_packaged_weights_give_nearly_the_vectors_of_sentence_transformers(o
     assert (packaged * own).sum(axis=1).min() > 0.99  # 8-bit weights
 
 
-def test_the_packaged_models_stand_side_by_side_by_their_shares() -> None:
+def test_the_packaged_models_are_combined_by_their_shares() -> None:
     both, english = EmbeddingModel.of(PACKAGED_MODEL).embed(TEXTS), EmbeddingModel.of(ENGLISH_MODEL).embed(TEXTS)
     assert both.shape == (len(TEXTS), 384 + 512)
     assert np.allclose(np.linalg.norm(both, axis=1), 1.0, atol=1e-5)

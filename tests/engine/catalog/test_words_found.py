@@ -52,7 +52,7 @@ def test_a_name_of_a_tag_and_a_feature_among_obstacles_means_either(three: sqlit
 
 
 @pytest.mark.parametrize(("word", "note"), [("omnibus", "'omnibus' is read as bus."), ("buses", ""), ("bus", "")])
-def test_a_word_of_everyday_language_is_told_with_the_type_that_it_is_taken_for(
+def test_an_everyday_word_is_reported_with_the_type_that_it_selects(
     three: sqlite3.Connection, word: str, note: str
 ) -> None:
     found = answer(three, obstacles=[word])
@@ -71,10 +71,10 @@ def test_a_tag_that_is_a_feature_too_is_counted_as_both() -> None:
     found = answer(catalogue(many), tags=["roundabout"])
     assert ids(found) == [TAGGED]
     (note,) = found.notes
-    assert note == "'roundabout': 1 as tag (searched), 2 in features."
+    assert note == "'roundabout': 1 as a tag (searched), 2 in features."
 
 
-def test_words_of_a_text_are_told_by_where_they_were_found(three: sqlite3.Connection) -> None:
+def test_words_of_a_text_are_reported_by_where_they_were_found(three: sqlite3.Connection) -> None:
     found = answer(three, text="bikes at a roundabout")
     assert found.notes == (
         "Scenarios per word of the text: 'bikes' (bicycle): obstacle 1; 'roundabout': tag 1, feature 1.",
@@ -82,14 +82,14 @@ def test_words_of_a_text_are_told_by_where_they_were_found(three: sqlite3.Connec
     assert found.total == 3
 
 
-def test_a_text_that_is_nowhere_matches_nothing_and_says_so(three: sqlite3.Connection) -> None:
+def test_a_text_without_any_match_gives_no_scenarios_and_says_so(three: sqlite3.Connection) -> None:
     found = answer(three, text="zebrafish")
     assert (found.total, found.matches) == (0, ())
     assert found.notes == ("'zebrafish' is in no title, tag, place or description; the text matches nothing.",)
     assert [one.unmet for one in found.fallback] == [("the text",)] * 3
 
 
-def test_unknown_words_whose_meaning_is_near_still_rank(three: sqlite3.Connection) -> None:
+def test_unknown_words_with_a_similar_meaning_still_rank(three: sqlite3.Connection) -> None:
     found = answer(three, likeness=0.3, text="gridlock")
     assert found.total == 3
     assert found.notes == (
@@ -131,11 +131,19 @@ def test_an_unused_origin_lists_the_existing_ones(three: sqlite3.Connection) -> 
     assert "available: origins simulated" in found.emptied_by.note
 
 
-def test_lists_of_places_hold_places_only(three: sqlite3.Connection) -> None:
+def test_lists_of_places_contain_only_places(three: sqlite3.Connection) -> None:
     _, facets = scenario_facets(three, "places", None)
     assert [list(facet.counts) for facet in facets] == [["DEU", "ESP"], ["DEU Bonn", "ESP Vigo"]]
-    assert facets[0].note == "plus 1 scenario on artificial networks, country ZAM"
+    assert facets[0].note == "not counted: 1 scenario on artificial networks, country ZAM"
     found = answer(three, city="Atlantis")
     assert found.emptied_by is not None
     assert "Test" not in found.emptied_by.note
     assert "Bonn" in found.emptied_by.note
+
+
+def test_a_misspelt_city_is_refused_with_the_name_that_it_misspells(three: sqlite3.Connection) -> None:
+    with pytest.raises(UnknownName) as refusal:
+        answer(three, city="Viggo")
+    assert refusal.value.valid[0] == "Vigo"
+    assert refusal.value.remedies
+    assert answer(three, city="Madrid").total == 0, "a known settlement without scenarios is not misspelt"

@@ -23,7 +23,7 @@ def test_country_and_place_come_from_the_benchmark_id(benchmark_id: str, expecte
 
 
 @pytest.mark.parametrize("benchmark_id", ["", "../../etc/passwd", "DEU_../x-1_1_T-1", "DEU_" + "a" * 500, "x y"])
-def test_ids_that_are_no_ordinary_file_name_are_refused(benchmark_id: str) -> None:
+def test_ids_that_are_not_ordinary_file_names_are_refused(benchmark_id: str) -> None:
     with pytest.raises(UnsafeInput, match="naming"):
         parse_benchmark_id(benchmark_id)
 

@@ -58,7 +58,9 @@ def put_heights(root: etree._Element) -> None:
         (with_text("lanelet/laneletType", "canal"), "canal"),
     ],
 )
-def test_what_a_file_lacks_is_named(change: Callable[[etree._Element], None], named: str, tmp_path: Path) -> None:
+def test_missing_parts_of_a_file_are_named(
+    change: Callable[[etree._Element], None], named: str, tmp_path: Path
+) -> None:
     with pytest.raises(UnsafeInput, match=named) as refusal:
         read_scenario(changed(tmp_path, change))
     assert re.search(r"line \d", refusal.value.message)

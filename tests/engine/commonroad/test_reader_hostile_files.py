@@ -128,7 +128,7 @@ def test_a_hostile_file_is_refused(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("read", [read_recorded, read_scenario])
-def test_a_file_without_a_road_says_so_and_what_to_do(tmp_path: Path, read: Callable[[Path], object]) -> None:
+def test_a_file_without_a_road_is_refused_with_the_remedy(tmp_path: Path, read: Callable[[Path], object]) -> None:
     path = tmp_path / "empty.xml"
     path.write_text(re.sub("<lanelet .*?</lanelet>", "", GOOD, flags=re.DOTALL), encoding="utf-8")
     with pytest.raises(UnsafeInput, match=r"empty\.xml has no lanelets") as caught:
@@ -145,7 +145,7 @@ def test_a_large_hostile_file_is_refused(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the peak of the memory is read from /proc")
-def test_refusing_takes_less_than_a_gigabyte(tmp_path: Path) -> None:
+def test_refusing_needs_less_than_a_gigabyte(tmp_path: Path) -> None:
     for index, (content, _) in enumerate(HOSTILE.values()):
         (tmp_path / f"{index}.xml").write_bytes(content if isinstance(content, bytes) else content.encode())
     for index, (write, _) in enumerate(LARGE.values()):
@@ -160,7 +160,7 @@ def test_refusing_takes_less_than_a_gigabyte(tmp_path: Path) -> None:
     assert int(done.stdout) < 1_000_000
 
 
-def test_the_good_file_that_the_hostile_ones_are_made_of_is_taken(tmp_path: Path) -> None:
+def test_the_valid_file_behind_the_hostile_ones_is_accepted(tmp_path: Path) -> None:
     path = tmp_path / "good.xml"
     path.write_text(GOOD, encoding="utf-8")
     assert read_facts(ReadFactsRequest(path=path), silent).scenario_id == "ZAM_Builder-1_1_T-1"
@@ -168,7 +168,7 @@ def test_the_good_file_that_the_hostile_ones_are_made_of_is_taken(tmp_path: Path
         read_facts(ReadFactsRequest(path=path, file_bytes=5000), silent)
 
 
-def test_a_long_comment_within_the_limit_is_no_harm(tmp_path: Path) -> None:
+def test_a_long_comment_within_the_limit_is_accepted(tmp_path: Path) -> None:
     path = tmp_path / "good.xml"
     path.write_text(GOOD.replace("</commonRoad>", f"<!--{'a' * 900_000}--></commonRoad>"), encoding="utf-8")
     assert scan_xml(path).name == "commonRoad"

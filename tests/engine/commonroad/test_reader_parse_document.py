@@ -36,7 +36,7 @@ FILES: dict[str, bytes] = {
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_a_file_is_taken_or_refused_as_by_the_scan(tmp_path: Path, name: str) -> None:
+def test_a_file_is_accepted_or_refused_as_by_the_scan(tmp_path: Path, name: str) -> None:
     path = tmp_path / "file.xml"
     path.write_bytes(FILES[name])
     try:

@@ -68,12 +68,12 @@ def test_public_files_are_the_same_from_their_recordings(shared_data: Path, stor
         assert_same(path, store.find(digest_of(path)))
 
 
-def test_a_file_without_a_recording_has_none(store: RecordingStore, town: Path) -> None:
+def test_a_file_without_a_recording_gives_none(store: RecordingStore, town: Path) -> None:
     assert store.find(digest_of(town)) is None
 
 
 @pytest.mark.parametrize("part", [slice(0, -9), slice(0, 0), slice(40, None), slice(1, None)])
-def test_a_damaged_recording_counts_for_nothing_and_is_made_again(
+def test_a_damaged_recording_is_ignored_and_recorded_again(
     part: slice, store: RecordingStore, town: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     store.put(digest_of(town), recording_of(town))
@@ -111,7 +111,7 @@ class _Hostile:
 @pytest.mark.parametrize(
     "named", ["os.mkdir", "builtins.eval", "commonroad class that is no data", "forged data type", "NumPy's own form"]
 )
-def test_nothing_but_plain_data_is_made_from_a_recording(
+def test_a_recording_contains_only_plain_data(
     named: str, store: RecordingStore, town: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     store.put(digest_of(town), recording_of(town))
@@ -156,7 +156,7 @@ def test_a_damaged_recording_in_a_folder_that_cannot_be_written_is_passed_over(
     assert store.find(digest_of(town)) is None
 
 
-def test_a_full_disk_leaves_nothing_half_written(
+def test_a_full_disk_leaves_no_partial_files(
     store: RecordingStore, town: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: object) -> None:
@@ -167,7 +167,7 @@ def test_a_full_disk_leaves_nothing_half_written(
     assert list(store.folder.iterdir()) == []
 
 
-def test_what_was_not_used_for_longest_makes_room(store: RecordingStore, town: Path) -> None:
+def test_the_least_recently_used_recording_makes_room(store: RecordingStore, town: Path) -> None:
     recording = recording_of(town)
     for number, name in enumerate("abc"):
         store.put(name, recording)
@@ -180,7 +180,7 @@ def test_what_was_not_used_for_longest_makes_room(store: RecordingStore, town: P
 
 
 @pytest.mark.anyio
-async def test_workers_keep_what_they_read_and_read_what_is_kept(tmp_path: Path, town: Path) -> None:
+async def test_workers_store_recordings_and_reuse_stored_ones(tmp_path: Path, town: Path) -> None:
     folder = tmp_path / "recordings"
     limits = Limits(roots=(tmp_path,), recordings=folder)
     async with WorkerPool.open(limits, tmp_path / "log") as pool:

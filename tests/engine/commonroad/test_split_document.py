@@ -56,7 +56,7 @@ def test_the_parts_together_are_the_file() -> None:
         "spaced",
     ],
 )
-def test_what_bytes_may_not_tell_is_not_split(content: bytes) -> None:
+def test_a_file_with_ambiguous_bytes_is_not_split(content: bytes) -> None:
     assert SplitDocument.of(content) is None
 
 
@@ -74,7 +74,7 @@ def test_what_bytes_may_not_tell_is_not_split(content: bytes) -> None:
     ],
     ids=["empty", "no_id", "id_inside", "reference", "open", "id_in_text", "two_at_once", "nested"],
 )
-def test_an_obstacle_that_its_id_does_not_tell_stays_where_it_is(inside: bytes) -> None:
+def test_an_obstacle_without_a_readable_id_is_not_split_off(inside: bytes) -> None:
     content = document(inside)
     split = SplitDocument.of(content)
     assert split is not None
@@ -147,7 +147,7 @@ def test_untouched_documents_of_public_files_are_written_as_libxml2_writes_them(
         assert _written(path, tmp_path) == _written_by_libxml2(path), path.name
 
 
-def test_an_obstacle_is_whole_once_it_is_asked_for(tmp_path: Path) -> None:
+def test_an_obstacle_is_complete_once_it_is_requested(tmp_path: Path) -> None:
     path = town_road().write(tmp_path / "base.xml")
     written = ScenarioDocument.read(path)
     states = written.obstacle(31).findall("trajectory/state")

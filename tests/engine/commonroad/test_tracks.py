@@ -19,7 +19,7 @@ from lxml import etree
 from support.builders import ScenarioBuilder, town_road
 
 from plannerforge.engine.commonroad.document import SplitDocument
-from plannerforge.engine.commonroad.plain_states import cut_states, take_plain_states, take_states
+from plannerforge.engine.commonroad.plain_states import cut_states, remove_plain_states, remove_states
 from plannerforge.engine.commonroad.reader import read_recorded, read_scenario
 from plannerforge.engine.commonroad.tracks import Track, last_recorded_step, recorded_tracks, size_of
 from plannerforge.engine.commonroad.value_limits import check_document
@@ -196,12 +196,12 @@ def test_several_unusual_states_are_judged_as_commonroad_io_judges_them(changes:
     agree(root)
 
 
-def test_plain_trajectories_are_taken_out_and_the_others_stay_whole() -> None:
+def test_plain_trajectories_are_removed_and_the_others_stay_complete() -> None:
     root = etree.fromstring(small().xml().encode())
     trajectories = root.findall(".//trajectory")
     trajectories[1][2].remove(trajectories[1][2].find("velocity"))
     before = len(trajectories[1])
-    assert list(take_plain_states(root)) == [31]
+    assert list(remove_plain_states(root)) == [31]
     assert [len(one) for one in trajectories] == [2, before]
 
 
@@ -213,7 +213,7 @@ def test_real_recordings_are_the_same_either_way(shared_data: Path) -> None:
 
 
 @pytest.mark.parametrize("read", [read_scenario, read_recorded])
-def test_a_country_without_signs_of_its_own_is_read_without_a_word(
+def test_a_country_without_its_own_signs_is_read_without_a_warning(
     read: Callable[[Path], object], tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / "a.xml"
@@ -229,13 +229,13 @@ def test_the_size_of_a_group_of_shapes_is_that_of_the_box_around_them() -> None:
     assert size_of(Polygon(np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 2.0]]))) == (3.0, 2.0)
 
 
-def test_states_that_are_cut_out_of_bytes_are_those_that_a_parser_takes(tmp_path: Path) -> None:
+def test_states_read_from_bytes_match_those_of_a_parser(tmp_path: Path) -> None:
     content = town_road().write(tmp_path / "town.xml").read_bytes()
     split = SplitDocument.of(content)
     assert split is not None
     for chunk in split.chunks:
         parsed = etree.fromstring(chunk)
-        taken, cut = take_states(parsed), cut_states(chunk)
+        taken, cut = remove_states(parsed), cut_states(chunk)
         assert taken is not None
         assert cut is not None
         assert taken[0] == cut[0]

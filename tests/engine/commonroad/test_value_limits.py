@@ -106,7 +106,7 @@ BEYOND = {
 
 
 @pytest.mark.parametrize("name", BEYOND)
-def test_what_is_beyond_the_limits_is_refused_by_its_element_and_line(tmp_path: Path, name: str) -> None:
+def test_values_beyond_the_limits_are_refused_by_element_and_line(tmp_path: Path, name: str) -> None:
     text, reason = BEYOND[name]
     assert text != GOOD
     told = refusal(text, tmp_path)

@@ -12,12 +12,12 @@ from plannerforge.engine.cosimulation.controllers import (
 )
 
 
-def test_controllers_are_asked_in_this_order() -> None:
+def test_controllers_decide_in_this_order() -> None:
     """Waiting gives orders to change lanes besides, and so comes first."""
     assert (GapWaitController, AnticipatoryBraking, CurveSpeedController, StopController) == SPEED_CONTROLLERS
 
 
-def test_braking_exceeds_the_vehicles_own_deceleration_only_where_that_is_too_late() -> None:
+def test_braking_exceeds_the_vehicle_s_own_deceleration_only_if_necessary() -> None:
     def stopped(speed_mps: float, room_m: float) -> tuple[float, float]:
         hardest, rolled_m = 0.0, 0.0
         for _ in range(200):

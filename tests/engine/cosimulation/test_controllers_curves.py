@@ -26,7 +26,7 @@ def in_two() -> tuple[Lane, ...]:
 
 
 @pytest.mark.parametrize("lanes", [whole(), in_two()])
-def test_a_vehicle_slows_down_for_the_bend_alone(apply: Apply, lanes: tuple[Lane, ...]) -> None:
+def test_a_vehicle_slows_down_for_the_curve_alone(apply: Apply, lanes: tuple[Lane, ...]) -> None:
     builder = ScenarioBuilder(lanes, (driving(31, (100, 0), 13.0, 60), driving(32, (10, -50), 1.0, 201)))
     applied = apply({"op": "reroute", "vehicles": ["31"], "to": ["2"]}, builder=builder)
     track = applied.tracks()[31]
@@ -41,7 +41,7 @@ def test_a_vehicle_slows_down_for_the_bend_alone(apply: Apply, lanes: tuple[Lane
     assert applied.outcome.touched[0].feasible
 
 
-def test_a_speed_that_it_is_told_to_keep_is_kept_before_the_bend_and_given_up_in_it(apply: Apply) -> None:
+def test_an_ordered_speed_is_kept_before_the_curve_and_given_up_in_it(apply: Apply) -> None:
     builder = ScenarioBuilder(whole(), (driving(31, (60, 0), 13.0, 60), driving(32, (10, -50), 1.0, 201)))
     track = apply({"op": "set_speed", "vehicles": ["31"], "speed": "16m/s"}, builder=builder).tracks()[31]
     assert track.speeds_mps[track.positions[:, 0] < 160].max() > 15.0
@@ -49,7 +49,7 @@ def test_a_speed_that_it_is_told_to_keep_is_kept_before_the_bend_and_given_up_in
 
 
 @pytest.mark.parametrize(("recorded_mps", "expected_mps"), [(5.0, 8.9), (11.0, 11.0), (20.0, 12.6)])
-def test_a_bend_with_a_recording_is_driven_as_fast_as_tyres_hold(recorded_mps: float, expected_mps: float) -> None:
+def test_a_curve_with_a_recording_is_driven_within_the_tyres_limits(recorded_mps: float, expected_mps: float) -> None:
     center = np.array(whole()[0].center)
     places = slow_places(center, 25.0, [(214.0, recorded_mps)])
     in_bend = (places.stations_m > 212) & (places.stations_m < 218)
@@ -64,7 +64,7 @@ def test_a_kink_that_was_recorded_at_speed_slows_no_vehicle(apply: Apply) -> Non
     assert track.speeds_mps.min() > 28.0
 
 
-def test_a_car_that_is_added_before_the_bend_enters_at_the_speed_of_the_straight(apply: Apply) -> None:
+def test_a_car_that_is_added_before_the_curve_enters_at_the_speed_of_the_straight(apply: Apply) -> None:
     builder = ScenarioBuilder(whole(), (driving(32, (10, -50), 1.0, 41),))
     applied = apply({"op": "add_vehicle", "vehicle_class": "car", "at": "1", "position": "50m"}, builder=builder)
     (added,) = applied.outcome.edits[0].vehicles

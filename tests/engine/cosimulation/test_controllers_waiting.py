@@ -34,12 +34,12 @@ def hardest_braking_mps2(applied: Applied) -> float:
     return float(np.diff(applied.tracks()[36].speeds_mps).min()) / 0.1
 
 
-def test_one_that_can_stop_before_waits_for_its_lane_change(apply: Apply) -> None:
+def test_a_vehicle_that_can_stop_before_waits_for_its_lane_change(apply: Apply) -> None:
     slow = town_road().with_vehicles(driving(36, (190, 0), 3.0, 41))
     assert apply(TO_LANE_2, builder=slow).outcome.edits[0].done
 
 
-def test_one_that_finds_no_gap_waits_at_the_end_of_its_lane_until_there_is_one(apply: Apply) -> None:
+def test_a_vehicle_without_a_gap_waits_at_the_end_of_its_lane(apply: Apply) -> None:
     applied = apply(TO_LANE_2, builder=beside_a_column(140, 10.0))
     (route,) = applied.outcome.edits[0].routes
     assert route.lanelets[:2] == (1, 2)
@@ -50,7 +50,7 @@ def test_one_that_finds_no_gap_waits_at_the_end_of_its_lane_until_there_is_one(a
 
 
 @pytest.mark.parametrize("x_m", [140, 160])
-def test_one_waits_where_the_map_ends_too(apply: Apply, x_m: float) -> None:
+def test_a_vehicle_also_waits_at_the_end_of_the_map(apply: Apply, x_m: float) -> None:
     applied = apply(TO_LANE_2, builder=beside_a_column(x_m, 10.0, cut_motorway()))
     assert applied.outcome.edits[0].routes[0].arrives
     track = applied.tracks()[36]
@@ -59,7 +59,7 @@ def test_one_waits_where_the_map_ends_too(apply: Apply, x_m: float) -> None:
     assert not applied.outcome.collisions
 
 
-def test_one_that_is_near_the_end_brakes_as_hard_as_it_has_to(apply: Apply) -> None:
+def test_a_vehicle_near_the_end_brakes_as_hard_as_necessary(apply: Apply) -> None:
     applied = apply(TO_LANE_2, builder=beside_a_column(184, 14.0), detail="checks")
     assert applied.outcome.edits[0].routes[0].arrives
     assert not applied.outcome.collisions
@@ -67,7 +67,7 @@ def test_one_that_is_near_the_end_brakes_as_hard_as_it_has_to(apply: Apply) -> N
     assert applied.outcome.touched[0].feasible
 
 
-def test_one_that_can_stop_nowhere_before_the_end_is_refused(apply: Apply) -> None:
+def test_a_vehicle_that_cannot_stop_before_the_end_is_refused(apply: Apply) -> None:
     with pytest.raises(NotPossible, match="ends 8 m ahead of its front: it can neither change lanes nor stop"):
         apply(TO_LANE_2, builder=beside_a_column(190, 14.0))
 
@@ -85,7 +85,7 @@ def test_a_lane_change_that_only_a_short_lanelet_is_left_for_is_refused(apply: A
         apply({"op": "reroute", "vehicles": ["36"], "to": ["4"]}, builder=builder)
 
 
-def test_before_a_bend_a_vehicle_too_fast_brakes_harder_than_its_own_deceleration(apply: Apply) -> None:
+def test_before_a_curve_a_vehicle_too_fast_brakes_harder_than_its_own_deceleration(apply: Apply) -> None:
     fast = town_road().with_vehicles(driving(36, (165, 0), 20.0, 101))
     applied = apply({"op": "reroute", "vehicles": ["36"], "to": ["12"]}, builder=fast, detail="checks")
     assert applied.outcome.edits[0].routes[0].arrives
@@ -96,13 +96,13 @@ def test_before_a_bend_a_vehicle_too_fast_brakes_harder_than_its_own_deceleratio
     assert hardest_braking_mps2(applied) > -8.5
 
 
-def test_one_that_a_later_edit_sends_elsewhere_does_not_wait(apply: Apply) -> None:
+def test_a_vehicle_that_a_later_edit_sends_elsewhere_does_not_wait(apply: Apply) -> None:
     back = {"op": "reroute", "vehicles": ["36"], "to": ["11"]}
     applied = apply(TO_LANE_2, back, builder=beside_a_column(184, 14.0))
     assert [one.routes[0].arrives for one in applied.outcome.edits] == [False, True]
 
 
-def test_one_that_finds_no_gap_before_the_scenario_ends_says_so(apply: Apply) -> None:
+def test_a_vehicle_that_finds_no_gap_before_the_scenario_ends_is_reported(apply: Apply) -> None:
     wall = [driving(40 + place, (100 + 9 * place, 3.5), 1.0, 61) for place in range(11)]
     builder = cut_motorway().with_vehicles(driving(36, (150, 0), 10.0, 61), *wall)
     applied = apply(TO_LANE_2, builder=builder)
@@ -113,7 +113,7 @@ def test_one_that_finds_no_gap_before_the_scenario_ends_says_so(apply: Apply) ->
     assert 180.0 < fronts_m(applied).max() < 190.0
 
 
-def test_one_that_may_take_any_of_several_lanes_waits_for_the_first_gap(apply: Apply) -> None:
+def test_a_vehicle_with_several_valid_lanes_waits_for_the_first_gap(apply: Apply) -> None:
     lanes = (
         Lane(1, line((0, 0), (200, 0)), left=(2, True)),
         Lane(2, line((0, 3.5), (200, 3.5)), left=(3, True), right=(1, True)),

@@ -8,7 +8,7 @@ from support.builders import driving, town_road
 from support.edits import Apply
 
 from plannerforge.engine.commonroad.tracks import Track
-from plannerforge.engine.cosimulation.handover import taken_over_track
+from plannerforge.engine.cosimulation.handover import handover_track
 from plannerforge.engine.cosimulation.replay import DrivenTrack
 from plannerforge.engine.vehicles import check_kinematics, nearest_class
 
@@ -82,7 +82,7 @@ def test_a_vehicle_recorded_at_an_angle_off_its_lane_is_led_in_smoothly(apply: A
 
 
 @pytest.mark.parametrize("braking_mps2", [4.0, 7.0, 8.0])
-def test_one_that_brakes_into_a_tight_bend_at_once_changes_speed_step_by_step(braking_mps2: float) -> None:
+def test_a_vehicle_that_brakes_at_once_into_a_tight_curve_changes_speed_step_by_step(braking_mps2: float) -> None:
     start = Track(
         obstacle_id=36,
         kind="car",
@@ -96,7 +96,7 @@ def test_one_that_brakes_into_a_tight_bend_at_once_changes_speed_step_by_step(br
     times_s = np.minimum(np.arange(60) * 0.1, 9.8 / braking_mps2)
     turned_rad = np.clip((9.8 * times_s - braking_mps2 * times_s**2 / 2) / 6.0, 0.0, np.pi / 2)
     front = np.stack([2.5 + 6.0 * np.sin(turned_rad), 6.0 * (np.cos(turned_rad) - 1)], axis=1)
-    touched = taken_over_track(start, DrivenTrack(0, front, ("e1_0",) * 60, leaves=False), 0.1, 60)
+    touched = handover_track(start, DrivenTrack(0, front, ("e1_0",) * 60, leaves=False), 0.1, 60)
     assert touched is not None
     speeds = touched.motion.speeds_mps
     assert speeds[0] == 10.8
@@ -118,7 +118,7 @@ def test_a_bus_in_a_too_tight_turn_swings_out() -> None:
     turned_rad = np.clip((way_m - 25.0) / 6.0, 0.0, np.pi)
     straight_m = np.minimum(way_m, 25.0) - np.maximum(way_m - 25.0 - 6.0 * np.pi, 0.0)
     front = np.stack([6.0 + straight_m + 6.0 * np.sin(turned_rad), 6.0 * (1 - np.cos(turned_rad))], axis=1)
-    touched = taken_over_track(start, DrivenTrack(10, front, ("e1_0",) * 130, leaves=False), 0.1, 140)
+    touched = handover_track(start, DrivenTrack(10, front, ("e1_0",) * 130, leaves=False), 0.1, 140)
     assert touched is not None
     bus = nearest_class("bus", 12.0)
     assert check_kinematics(touched.motion, 0.1, wheelbase_m=bus.wheelbase_m, rear_axle_m=bus.rear_axle_m).feasible
@@ -126,7 +126,7 @@ def test_a_bus_in_a_too_tight_turn_swings_out() -> None:
 
 
 @pytest.mark.parametrize("speed_mps", [1.0, 3.4, 10.0])
-def test_one_that_is_stopped_does_not_roll_back(apply: Apply, speed_mps: float) -> None:
+def test_a_stopped_vehicle_does_not_roll_back(apply: Apply, speed_mps: float) -> None:
     stop = {"op": "set_speed", "vehicles": ["36"], "speed": "0m/s"}
     applied = apply(stop, builder=town_road().with_vehicles(driving(36, (60, 0), speed_mps, 101)))
     assert np.diff(applied.tracks()[36].positions[:, 0]).min() >= 0.0

@@ -53,7 +53,7 @@ def test_it_is_across_before_the_junction_ends(apply: Apply, x_m: float, speed_m
     assert not applied.outcome.collisions
 
 
-def test_the_lane_behind_the_junction_is_reached_so_too_where_there_is_no_other_way(apply: Apply) -> None:
+def test_the_lane_after_the_junction_is_reached_in_the_junction_as_a_last_resort(apply: Apply) -> None:
     builder = straight_on_through_a_crossing(103)
     parting = {21: line((130, 0), (200, -20)), 22: line((130, 3.5), (200, 25))}
     lanes = [lane for lane in builder.lanes if lane.lanelet_id not in parting]
@@ -71,7 +71,7 @@ def test_one_without_the_room_to_steer_over_is_refused(apply: Apply, x_m: float,
     assert "22, 11, 21" in refused.value.text
 
 
-def test_one_that_is_held_up_before_it_is_across_does_not_arrive(apply: Apply) -> None:
+def test_a_vehicle_held_up_before_it_is_across_does_not_arrive(apply: Apply) -> None:
     builder = straight_on_through_a_crossing(103)
     wall = [driving(40, (113, 3.5), 0.0, 151), driving(41, (113, 0), 0.0, 151)]
     applied = apply(TO_THE_LEFT, builder=builder.with_vehicles(*builder.vehicles, *wall))
@@ -85,20 +85,20 @@ def test_one_that_is_held_up_before_it_is_across_does_not_arrive(apply: Apply) -
     assert not applied.outcome.collisions
 
 
-def test_a_way_that_comes_into_the_junction_changes_before_it(apply: Apply) -> None:
+def test_a_route_into_the_junction_changes_lanes_before_it(apply: Apply) -> None:
     (route,) = apply(TO_THE_LEFT, builder=straight_on_through_a_crossing(40.0)).outcome.edits[0].routes
     assert route.lanelets[:3] == (1, 2, 12)
     assert route.arrives
 
 
-def test_one_that_can_change_only_behind_the_junction_does_so_there(apply: Apply) -> None:
+def test_a_vehicle_that_can_change_only_after_the_junction_changes_there(apply: Apply) -> None:
     behind = {"op": "reroute", "vehicles": ["36"], "to": ["22"]}
     (route,) = apply(behind, builder=straight_on_through_a_crossing(94, 12.0)).outcome.edits[0].routes
     assert route.arrives
 
 
 @pytest.mark.parametrize("target", [11, 12])
-def test_of_two_ways_through_a_junction_to_one_road_the_target_is_driven(apply: Apply, target: int) -> None:
+def test_of_two_routes_through_a_junction_the_one_to_the_target_is_driven(apply: Apply, target: int) -> None:
     crossing = [lane for lane in straight_on_through_a_crossing(0).lanes if lane.lanelet_id in (31, 32, 33)]
     lanes = (
         Lane(1, line((0, 0), (100, 0)), successors=(11, 12)),
@@ -133,7 +133,7 @@ def test_it_moves_aside_only_as_far_as_it_rolls() -> None:
     assert across == [y >= 0.6 * 3.5 for y in track[:, 1]]
 
 
-def test_in_a_bend_it_steers_over_across_the_bend() -> None:
+def test_in_a_curve_it_steers_over_across_the_curve() -> None:
     angles = np.linspace(0, 1, 41)
     onward = 20.0 * np.stack([np.sin(angles), 1 - np.cos(angles)], axis=1) + np.array([0.0, 3.5])
     track, _ = lane_change_track(np.array([-0.5, 0.0]), np.array([0.0, 0.0]), onward, 40.0)

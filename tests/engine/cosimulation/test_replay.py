@@ -69,7 +69,7 @@ def test_a_run_ends_once_all_astray_vehicles_are_known(tmp_path: Path, runs: Run
     assert runs.steps[1] >= len(seen[36].front) > 100
 
 
-def test_it_looks_for_those_astray_until_the_last_hand_over(tmp_path: Path, runs: Runs) -> None:
+def test_stray_vehicles_are_searched_for_until_the_last_hand_over(tmp_path: Path, runs: Runs) -> None:
     scene = _scene(tmp_path, *town_road().vehicles, ASTRAY)
     late = recorded_plan(scene, 33, "edited", 40)
     plans = {36: recorded_plan(scene, 36, "edited", 0), 33: late}
@@ -96,7 +96,7 @@ def placed(monkeypatch: pytest.MonkeyPatch, runs: Runs) -> list[tuple[str, int]]
     return noted
 
 
-def test_what_is_far_away_is_left_out_and_changes_nothing(
+def test_far_vehicles_are_left_out_without_any_effect(
     tmp_path: Path, placed: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Without imperfection: it is drawn from random numbers that all vehicles of a lane share.
@@ -114,7 +114,7 @@ def test_what_is_far_away_is_left_out_and_changes_nothing(
     assert few < 0.5 * (len(placed) - few)
 
 
-def test_a_vehicle_that_was_left_out_comes_back(
+def test_a_removed_vehicle_returns(
     tmp_path: Path, placed: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hurries = [(20.0 + 3.0 * step, 0.0, 0.0, 0.0) for step in range(50)]  # recorded as if it stood: it is soon left out
@@ -127,7 +127,7 @@ def test_a_vehicle_that_was_left_out_comes_back(
     assert 1 < max(later - earlier for earlier, later in itertools.pairwise(steps)) < 100
 
 
-def test_what_stands_is_not_placed_again_and_is_seen_as_if_it_were(
+def test_a_standing_vehicle_is_not_placed_again_and_stays_visible(
     tmp_path: Path, placed: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     waits = [(120.0, 0.0, 0.0, 0.0)] * 60
@@ -150,7 +150,7 @@ def test_what_stands_is_not_placed_again_and_is_seen_as_if_it_were(
     assert len(placed) - seldom > seldom + 30
 
 
-def test_what_leaves_the_road_is_taken_out_and_comes_back_as_a_new_vehicle(
+def test_a_vehicle_that_leaves_the_road_is_removed_and_returns_as_a_new_one(
     tmp_path: Path, placed: list[tuple[str, int]]
 ) -> None:
     # SUMO crashes on a vehicle that left the road while its rear was on other lanes, as soon as another comes by.

@@ -39,14 +39,14 @@ def test_a_change_waits_for_a_gap(apply: Apply) -> None:
     assert not applied.outcome.collisions
 
 
-def test_it_cuts_in_where_the_vehicle_behind_can_still_brake(apply: Apply) -> None:
+def test_it_cuts_in_if_the_vehicle_behind_can_still_brake(apply: Apply) -> None:
     faster = FREE.with_vehicles(*FREE.vehicles, driving(33, (52, 3.5), 12.0, 101))
     applied = apply(LEFT, builder=faster)
     assert applied.tracks()[31].positions[30][1] > 3.0
     assert not applied.outcome.collisions
 
 
-def test_it_lets_a_vehicle_pass_that_comes_too_fast_to_brake(apply: Apply) -> None:
+def test_it_yields_to_a_vehicle_too_fast_to_brake(apply: Apply) -> None:
     racing = FREE.with_vehicles(*FREE.vehicles, driving(33, (40, 3.5), 25.0, 101))
     applied = apply(LEFT, builder=racing)
     assert applied.tracks()[31].positions[12][1] < 0.5
@@ -54,7 +54,7 @@ def test_it_lets_a_vehicle_pass_that_comes_too_fast_to_brake(apply: Apply) -> No
     assert not applied.outcome.handed_over
 
 
-def test_where_there_is_no_room_the_report_says_so(apply: Apply) -> None:
+def test_a_lack_of_room_is_reported(apply: Apply) -> None:
     wall = [driving(key, (20 + 10 * place, 3.5), 10.0, 101) for place, key in enumerate(range(40, 54))]
     route = apply(LEFT, builder=FREE.with_vehicles(*FREE.vehicles, *wall)).outcome.edits[0].routes[0]
     assert route.arrives is False
@@ -62,20 +62,21 @@ def test_where_there_is_no_room_the_report_says_so(apply: Apply) -> None:
     assert route.reason.endswith("in the way: vehicle 44, vehicle 42, vehicle 43 and others")
 
 
-def test_the_ego_in_the_way_is_named_as_such(apply: Apply) -> None:
+def test_an_ego_in_the_way_is_named_as_the_ego(apply: Apply) -> None:
     beside = replace(FREE, problems=(Problem(start=(38.0, 3.5, 0.0, 10.0), goal=(250.0, 3.5, 8.0, 3.0)),))
     route = apply(LEFT | {"time_s": 9.0}, builder=beside).outcome.edits[0].routes[0]
     assert route.reason.endswith("in the way: the ego")
 
 
 def test_no_lane_on_that_side_is_refused_with_the_side_there_is(apply: Apply) -> None:
-    with pytest.raises(NotPossible, match="no lane in its direction on its right on lanelet 1") as caught:
+    with pytest.raises(NotPossible, match=r"on lanelet 1, .*no lane in its direction") as caught:
         apply(LEFT | {"lane": "right"}, builder=FREE)
     assert "lane=left" in caught.value.valid
+    assert not caught.value.remedies, "the opposite lane is not what was requested"
 
 
-def test_the_oncoming_lane_is_no_lane_to_change_to(apply: Apply) -> None:
-    with pytest.raises(NotPossible, match="no lane in its direction on its left on lanelet 2"):
+def test_the_oncoming_lane_is_not_a_valid_target_of_a_lane_change(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match=r"on lanelet 2, .*no lane in its direction"):
         apply(LEFT, builder=FREE.with_vehicles(driving(31, (70, 3.5), 10.0, 101)))
     with pytest.raises(InvalidRequest, match="left or right"):
         apply(LEFT | {"lane": "oncoming"}, builder=FREE)

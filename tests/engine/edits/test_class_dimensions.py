@@ -43,7 +43,7 @@ def test_the_checker_judges_a_bus_by_its_own_axles(apply: Apply) -> None:
 
 @pytest.mark.filterwarnings("ignore:Excess work")  # of the checker's search, where it finds no steering
 @pytest.mark.parametrize("check", [check_kinematics, check_drivability])
-def test_a_bend_that_a_car_can_take_is_too_tight_for_a_bus(check: object) -> None:
+def test_a_curve_that_a_car_can_take_is_too_tight_for_a_bus(check: object) -> None:
     assert callable(check)
     rate, rear_m, step_s, speed_mps = 2.0, 1.0, 0.1, 4.0
     turn_rad = rate * step_s * np.arange(6)

@@ -39,7 +39,7 @@ def requests(shared_data: Path, task: str) -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("task", TASKS)
-def test_what_can_be_done_is_done(shared_data: Path, tmp_path: Path, task: str) -> None:
+def test_possible_edits_are_carried_out(shared_data: Path, tmp_path: Path, task: str) -> None:
     for asked in [one for one in requests(shared_data, task) if one["expect"] == "ok"][::EVERY]:
         edits = [edit_of(truth).model_dump(exclude_defaults=True) for truth in asked["truth"]["edits"]]
         applied = apply_to(shared_data / "data" / "commonroad" / asked["scenario"], tmp_path, *edits)
@@ -47,7 +47,7 @@ def test_what_can_be_done_is_done(shared_data: Path, tmp_path: Path, task: str) 
 
 
 @pytest.mark.parametrize(("key", "edit", "reason"), REFUSED, ids=[key for key, _, _ in REFUSED])
-def test_what_cannot_be_done_is_refused_and_leaves_nothing(
+def test_impossible_edits_are_refused_and_leave_no_scenario(
     shared_data: Path, tmp_path: Path, key: str, edit: dict[str, Any], reason: str
 ) -> None:
     task = key[3]

@@ -10,7 +10,7 @@ from support.builders import town_road
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import Track
-from plannerforge.engine.cosimulation.handover import TakenOverTrack
+from plannerforge.engine.cosimulation.handover import HandoverTrack
 from plannerforge.engine.edits.explanations import delay, is_red
 from plannerforge.engine.scene.scene import Ego, Scene
 
@@ -30,11 +30,11 @@ def add_light(network: object, key: int, *phases: tuple[str, int]) -> None:
     network.add_traffic_light(lights.TrafficLight(key, np.zeros(2), lights.TrafficLightCycle(elements)), {1})
 
 
-def driven(lanes: list[str], speeds_mps: list[float], first_step: int = 0) -> TakenOverTrack:
+def driven(lanes: list[str], speeds_mps: list[float], first_step: int = 0) -> HandoverTrack:
     """A driven vehicle of which only its lanes and speeds count."""
     values, still = np.array(speeds_mps), np.zeros(len(speeds_mps))
     places = np.zeros((len(values), 2))
-    return TakenOverTrack(51, "car", 4.5, 1.8, first_step, places, still, values, still, False, tuple(lanes))
+    return HandoverTrack(51, "car", 4.5, 1.8, first_step, places, still, values, still, False, tuple(lanes))
 
 
 def test_standing_at_a_red_light_is_reported(scene: Scene) -> None:
@@ -43,7 +43,7 @@ def test_standing_at_a_red_light_is_reported(scene: Scene) -> None:
     )
 
 
-def test_standing_while_the_light_was_green_is_no_waiting_for_it(scene: Scene) -> None:
+def test_standing_at_a_green_light_is_not_waiting_for_it(scene: Scene) -> None:
     late = driven(["e1_0"] * 30, [0.0] * 20 + [5.0] * 10, first_step=35)
     assert delay(scene, late, {}) == ", after 2.0 s standing on lanelet 1"
 
@@ -66,7 +66,7 @@ def test_driving_freely_gives_no_reason(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize(("speed_mps", "first_step"), [(0.0, 35), (9.0, 0)])
-def test_a_vehicle_behind_another_for_most_of_the_time_is_reported_so(
+def test_a_vehicle_behind_another_for_most_of_the_time_is_reported_with_it(
     scene: Scene, speed_mps: float, first_step: int
 ) -> None:
     late = driven(["e1_0"] * 30, [speed_mps] * 30, first_step)
@@ -78,7 +78,7 @@ def test_a_vehicle_behind_another_for_most_of_the_time_is_reported_so(
     assert "behind" not in delay(scene, late, {61: replace(ahead, first_step=first_step + 20)})
 
 
-def test_the_ego_and_walkers_are_called_what_they_are(scene: Scene) -> None:
+def test_the_ego_and_pedestrians_are_named_by_their_kind(scene: Scene) -> None:
     late, ahead = driven(["e1_0"] * 30, [9.0] * 30), parked(61, (8.0, 0.5))
     walker = replace(ahead, kind="pedestrian")
     assert delay(replace(scene, tracks={61: walker}), late, {61: walker}) == ", behind pedestrian 61"

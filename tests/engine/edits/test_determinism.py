@@ -44,7 +44,7 @@ def test_a_repetition_in_one_process_gives_the_same_bytes(apply: Apply) -> None:
     assert apply(*COMPOSITE).xml.read_bytes() == first
 
 
-def test_only_new_edits_are_reported_of_a_list_that_goes_on(apply: Apply) -> None:
+def test_only_new_edits_of_a_continued_list_are_reported(apply: Apply) -> None:
     applied = apply(*COMPOSITE, earlier=2)
     assert [(report.index, report.op) for report in applied.outcome.edits] == [(0, "add_vehicle"), (1, "set_goal")]
 

@@ -7,7 +7,7 @@ import pytest
 from support.builders import Lane, ScenarioBuilder, crossing, driving, line
 
 from plannerforge.engine.commonroad.reader import read_scenario
-from plannerforge.engine.cosimulation.handover import TakenOverTrack
+from plannerforge.engine.cosimulation.handover import HandoverTrack
 from plannerforge.engine.cosimulation.plans import recorded_plan
 from plannerforge.engine.edits.changes import Changes, EditStep
 from plannerforge.engine.edits.edited_scene import EditedScene, SimulationResult
@@ -24,15 +24,15 @@ def scene_of(builder: ScenarioBuilder, folder: Path) -> Scene:
     return Scene.of(read_scenario(builder.with_vehicles(driving(31, (-50, 0), 10.0, STEPS)).write(folder / "base.xml")))
 
 
-def halting(front_m: float, lanes: tuple[str, ...] = OVER_THE_LINE) -> TakenOverTrack:
+def halting(front_m: float, lanes: tuple[str, ...] = OVER_THE_LINE) -> HandoverTrack:
     """Vehicle 31, eastbound, which halts with its front at some x."""
     x_m = np.minimum(-50.0 + np.arange(STEPS), front_m - 4.5 / 2)
     positions = np.stack([x_m, np.zeros(STEPS)], axis=1)
     speeds = np.gradient(x_m, 0.1)
-    return TakenOverTrack(31, "car", 4.5, 1.8, 0, positions, speeds * 0, speeds, speeds * 0, leaves=False, lanes=lanes)
+    return HandoverTrack(31, "car", 4.5, 1.8, 0, positions, speeds * 0, speeds, speeds * 0, leaves=False, lanes=lanes)
 
 
-def route_of(scene: Scene, step: EditStep, track: TakenOverTrack) -> VehicleRoute:
+def route_of(scene: Scene, step: EditStep, track: HandoverTrack) -> VehicleRoute:
     """The route that is reported where vehicle 31 is the only one."""
     result = SimulationResult(step.changes.driven, {31: track}, (), ())
     return vehicle_route(EditedScene(scene, step.changes, result), step, 31)
@@ -50,7 +50,7 @@ def test_a_lanelet_reached_only_by_the_bumper_is_not_driven(
     assert vehicle.gets_to(frozenset({2}), LINE_STEP - 5) == (2 in expected)
 
 
-def test_half_a_lanelet_shorter_than_that_is_enough(tmp_path: Path) -> None:
+def test_half_of_a_shorter_lanelet_is_enough(tmp_path: Path) -> None:
     lanes = (Lane(1, line((-60, 0), (-10, 0)), successors=(2,)), Lane(2, line((-10, 0), (-9.4, 0)), predecessors=(1,)))
     scene = scene_of(ScenarioBuilder(lanes), tmp_path)
     plan, over = recorded_plan(scene, 31, "edited", 0), ("e1_0",) * LINE_STEP + ("e2_0",) * (STEPS - LINE_STEP)
@@ -58,7 +58,7 @@ def test_half_a_lanelet_shorter_than_that_is_enough(tmp_path: Path) -> None:
     assert DrivenVehicle(scene, plan, halting(-9.75, over), {}).lanelets == (1,)
 
 
-def test_a_bumper_over_the_line_is_no_arrival_but_a_wait_at_the_junction(tmp_path: Path) -> None:
+def test_a_bumper_over_the_line_is_not_an_arrival_but_a_wait_at_the_junction(tmp_path: Path) -> None:
     scene = scene_of(crossing(), tmp_path)
     plan = recorded_plan(scene, 31, "edited", 0)
     step = EditStep(Changes(next_id=100, driven={31: plan}), (31,), "", aims={31: (frozenset({2}),)})
@@ -69,7 +69,7 @@ def test_a_bumper_over_the_line_is_no_arrival_but_a_wait_at_the_junction(tmp_pat
     assert route_of(scene, step, halting(-9.0)).arrives
 
 
-def test_one_that_is_still_steering_over_to_its_target_is_on_its_way_and_had_room(tmp_path: Path) -> None:
+def test_a_vehicle_still_steering_to_its_target_is_on_its_way_and_had_room(tmp_path: Path) -> None:
     lanes = (Lane(1, line((-60, 0), (60, 0)), left=(2, True)), Lane(2, line((-60, 3.5), (60, 3.5)), right=(1, True)))
     scene = scene_of(ScenarioBuilder(lanes), tmp_path)
     plan = recorded_plan(scene, 31, "edited", 0)

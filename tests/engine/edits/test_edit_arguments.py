@@ -18,7 +18,7 @@ def test_every_operation_of_the_schema_is_carried_out_by_a_function() -> None:
     assert names == (OPERATIONS.keys() - {"replace"}) | {"replace_vehicle"}
 
 
-def test_every_argument_belongs_to_some_operation() -> None:
+def test_every_argument_is_used_by_some_operation() -> None:
     belonging = {name for kind in EDITS.values() for name in kind.arguments}
     assert belonging == set(Edit.model_fields) - {"op"}
 
@@ -32,7 +32,7 @@ def test_every_argument_belongs_to_some_operation() -> None:
         ({"op": "add_vehicle", "vehicle_class": "car", "at": "3", "turn": "left"}, "turn"),
     ],
 )
-def test_an_argument_of_another_operation_is_refused_with_those_that_belong(
+def test_an_argument_of_another_operation_is_refused_with_the_valid_ones(
     apply: Apply, edit: dict[str, object], foreign: str
 ) -> None:
     with pytest.raises(InvalidRequest, match=f"{foreign} is not an argument of op {edit['op']}") as caught:

@@ -34,7 +34,7 @@ def test_a_driven_vehicle_keeps_clear_of_the_ego(apply: Apply) -> None:
     assert after.minimum_distance_m > 0.5
 
 
-def test_a_slow_vehicle_ahead_makes_the_way_of_the_ego_more_dangerous(apply: Apply) -> None:
+def test_a_slow_vehicle_ahead_raises_the_ego_s_risk(apply: Apply) -> None:
     slow = {"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "offset_m": 12.0, "speed": "2m/s"}
     outcome = apply(slow, builder=ALONE).outcome
     assert outcome.ego_before is not None
@@ -44,7 +44,7 @@ def test_a_slow_vehicle_ahead_makes_the_way_of_the_ego_more_dangerous(apply: App
     assert outcome.ego_after.risk_score < 3
 
 
-def test_a_removed_vehicle_takes_its_danger_with_it(apply: Apply) -> None:
+def test_removing_a_vehicle_removes_its_risk(apply: Apply) -> None:
     outcome = apply({"op": "remove_vehicle", "vehicles": ["31"]}, builder=FOLLOWED).outcome
     assert outcome.ego_before is not None
     assert outcome.ego_before.minimum_time_to_collision_s is not None
@@ -52,7 +52,7 @@ def test_a_removed_vehicle_takes_its_danger_with_it(apply: Apply) -> None:
     assert outcome.ego_after.minimum_distance_m is None
 
 
-def test_danger_is_the_criticality_of_the_same_drive(tmp_path: Path) -> None:
+def test_risk_is_the_criticality_of_the_same_drive(tmp_path: Path) -> None:
     tracks = Scene.of(read_scenario(town_road().write(tmp_path / "base.xml"))).tracks
     drive, others = tracks[32], tuple(track for key, track in tracks.items() if key != 32)
     ego = replace(drive, length_m=BMW_320I.length_m, width_m=BMW_320I.width_m)
@@ -84,9 +84,7 @@ def test_a_replayed_vehicle_that_hits_the_ego_from_behind_is_left_out_and_named(
     ],
     ids=["driven after it", "moved and moved back", "moved a little"],
 )
-def test_a_hit_from_behind_that_the_recording_has_is_no_effect_of_an_edit(
-    apply: Apply, edits: list[dict[str, Any]]
-) -> None:
+def test_a_recorded_hit_from_behind_is_not_an_effect_of_an_edit(apply: Apply, edits: list[dict[str, Any]]) -> None:
     outcome = apply(*edits, builder=RAMMED).outcome
     assert outcome.ego_before is not None
     assert outcome.ego_after is not None
@@ -104,7 +102,7 @@ def test_a_hit_from_behind_that_a_shift_brings_about_counts(apply: Apply) -> Non
     assert outcome.ego_after.risk_score == 0
 
 
-def test_vehicles_left_out_are_told_where_an_edit_makes_them_so(apply: Apply) -> None:
+def test_vehicles_left_out_because_of_an_edit_are_reported(apply: Apply) -> None:
     outcome = apply({"op": "remove_vehicle", "vehicles": ["31"]}, builder=RAMMED).outcome
     assert outcome.ego_before is not None
     assert outcome.ego_after is not None
@@ -145,7 +143,7 @@ def test_a_vehicle_left_out_counts_until_a_driver_would_have_reacted() -> None:
     assert ego_risk_to(ego, (follower,), step_s=0.1).figures.risk_score == 0
 
 
-def test_a_collision_more_than_a_minute_away_is_none() -> None:
+def test_a_collision_more_than_a_minute_away_does_not_count() -> None:
     creeping = ego_risk_to(moving(1, 0.0, 10.0), (moving(2, 30.0, 9.999),), step_s=0.1).figures
     assert creeping.minimum_time_to_collision_s is None
     assert creeping.minimum_distance_m is not None
@@ -165,7 +163,7 @@ def test_a_region_counts_under_the_id_of_its_obstacle() -> None:
     assert ego_risk_to(moving(1, 0.0, 10.0), (region,), step_s=0.1).figures.most_critical_id == 7
 
 
-def test_both_checks_are_asked_for_with_detail(apply: Apply) -> None:
+def test_both_checks_are_requested_with_detail(apply: Apply) -> None:
     outcome = apply({"op": "set_behaviour", "vehicles": ["31"], "preset": "eco"}, detail="checks").outcome
     assert outcome.checked_by == "drivability_checker"
     assert outcome.checkers_agree == len(outcome.touched) == 1

@@ -23,7 +23,7 @@ BICYCLE = {"op": "add_vehicle", "vehicle_class": "bicycle", "at": "5"}
         (BICYCLE | {"position": "7m"}, CROSSES, "5.6", "2.8"),
     ],
 )
-def test_it_enters_slower_where_it_would_collide_at_once(
+def test_it_enters_more_slowly_if_it_would_collide_at_once(
     apply: Apply, added: dict[str, object], builder: ScenarioBuilder, usual: str, slower: str
 ) -> None:
     applied = apply(added, builder=builder)

@@ -14,7 +14,7 @@ CAR = {"op": "add_vehicle", "vehicle_class": "car"}
 
 
 @pytest.mark.parametrize(("x_m", "is_held"), [(180.0, False), (137.0, True)])
-def test_a_parked_vehicle_slows_down_only_those_behind_it(apply: Apply, x_m: float, is_held: bool) -> None:
+def test_a_parked_vehicle_slows_down_only_vehicles_behind_it(apply: Apply, x_m: float, is_held: bool) -> None:
     empty = replace(SHORT, vehicles=(driving(31, (70, 0), 10.0, 31),))
     parked = replace(empty, parked=(driving(50, (x_m, 7.0), 0.0, 1, heading_rad=np.pi),))
     middle = CAR | {"at": "3", "position": "middle"}
@@ -23,7 +23,7 @@ def test_a_parked_vehicle_slows_down_only_those_behind_it(apply: Apply, x_m: flo
     assert (beside < free) is is_held
 
 
-def test_the_oncoming_lane_is_the_one_beside_on_the_map_not_a_nearer_one_across(apply: Apply) -> None:
+def test_the_oncoming_lane_is_the_adjacent_one_not_a_nearer_one_across(apply: Apply) -> None:
     lanes = (
         Lane(1, line((0, 0), (100, 0)), left=(2, False)),
         Lane(2, line((100, 3.5), (0, 3.5)), left=(1, False)),
@@ -34,13 +34,13 @@ def test_the_oncoming_lane_is_the_one_beside_on_the_map_not_a_nearer_one_across(
     assert applied.tracks()[101].positions[0] == pytest.approx((50.0, 3.5), abs=0.01)
 
 
-def test_several_with_a_destination_stand_on_the_way_to_it(apply: Apply) -> None:
+def test_several_vehicles_with_a_destination_enter_on_the_route_to_it(apply: Apply) -> None:
     edit = apply(CAR | {"at": "1", "position": "185m", "count": 2, "spacing_m": 20, "to": ["13"]}).outcome.edits[0]
     assert [route.lanelets[0] for route in edit.routes] == [1, 12]
     assert "from lanelet 1 at 185.0 m to lanelet 12 at 5.0 m, 20 m apart" in edit.what
 
 
-def test_several_on_one_lanelet_are_said_to_be(apply: Apply) -> None:
+def test_several_vehicles_on_one_lanelet_are_reported_together(apply: Apply) -> None:
     edit = apply(CAR | {"at": "13", "position": "20m", "count": 3, "spacing_m": 12}, dry_run=True).outcome.edits[0]
     assert edit.what.startswith("car 101, 102, 103 on lanelet 13 from 20.0 to 44.0 m, 12 m apart")
 
@@ -60,3 +60,14 @@ def test_several_of_which_one_has_no_place_are_refused_with_how_many_have_one(ap
         apply(row | {"count": 4})
     assert caught.value.valid == ("count=2",)
     assert len(apply(row | {"count": 2}, dry_run=True).outcome.edits[0].vehicles) == 2
+
+
+@pytest.mark.parametrize(("offset_m", "side"), [(2.0, 1), (-2.0, -1)])
+def test_the_places_proposed_for_an_occupied_one_are_on_the_requested_side(
+    apply: Apply, offset_m: float, side: int
+) -> None:
+    with pytest.raises(NotPossible, match=r"lanelet 1 at .* occupied by the ego") as caught:
+        apply(CAR | {"at": "ego", "offset_m": offset_m}, builder=SHORT)
+    stations = [float(value.partition("position='")[2].removesuffix("m'")) for value in caught.value.valid]
+    assert stations
+    assert all((station - 40.0) * side > 0 for station in stations)

@@ -13,7 +13,7 @@ WHOLE = (Lane(1, line((0, 0), (300, 0))),)
 CUT = (Lane(1, line((0, 0), (105, 0)), successors=(2,)), Lane(2, line((105, 0), (300, 0)), predecessors=(1,)))
 CUT_BEFORE = (Lane(2, line((0, 0), (95, 0)), successors=(1,)), Lane(1, line((95, 0), (300, 0)), predecessors=(2,)))
 USUAL_MPS = 0.8 * 50 / 3.6
-"""80 % of what an urban lane allows."""
+"""80% of what an urban lane allows."""
 
 
 def entry_mps(apply: Apply, *vehicles: Vehicle, lanes: tuple[Lane, ...] = WHOLE, at_m: float = 100.0) -> float:
@@ -36,7 +36,7 @@ def test_the_nearest_vehicle_of_the_lane_sets_it(apply: Apply) -> None:
     assert entry_mps(apply, driving(31, (80.0, 0.0), 6.0, 61), farther) == pytest.approx(6.0)
 
 
-def test_a_leader_that_stands_near_leaves_room_to_brake(apply: Apply) -> None:
+def test_a_near_standing_leader_leaves_room_to_brake(apply: Apply) -> None:
     leader = driving(31, (108.0, 0.0), 4.0, 61)
     entered = entry_mps(apply, leader, driving(32, (98.0 - CAR.length_m, 0.0), 4.0, 61))
     assert entered <= 4.0

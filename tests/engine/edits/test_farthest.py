@@ -20,6 +20,6 @@ def test_the_farthest_distance_is_the_integral_of_the_fastest_drive(
     assert farthest_m(speed_mps, duration_s, VEHICLE) == pytest.approx(expected_m)
 
 
-def test_a_lower_top_speed_holds_unless_the_vehicle_begins_faster() -> None:
+def test_a_lower_top_speed_applies_unless_the_vehicle_begins_faster() -> None:
     assert farthest_m(10.0, 4.0, VEHICLE, top_mps=15.0) == pytest.approx(12.5 + 3 * 15.0)
     assert farthest_m(18.0, 2.0, VEHICLE, top_mps=15.0) == pytest.approx(36.0)

@@ -35,7 +35,7 @@ STANDING_AHEAD = replace(
 )
 
 
-def test_a_stated_friction_is_read_again_and_changes_nothing_else(apply: Apply) -> None:
+def test_a_stated_friction_is_read_again_without_other_changes(apply: Apply) -> None:
     applied = apply(SLIPPERY)
     assert read_scenario(applied.xml).friction == 0.2
     assert kept_recording(applied.xml).loaded.friction == 0.2
@@ -76,7 +76,7 @@ def test_later_edits_keep_the_friction_and_the_last_statement_counts(apply: Appl
     assert third.xml.read_bytes().count(b"friction=") == 1
 
 
-def test_driven_traffic_brakes_no_harder_than_the_road_holds(apply: Apply) -> None:
+def test_driven_traffic_brakes_within_the_road_s_friction(apply: Apply) -> None:
     stop = {"op": "set_speed", "vehicles": ["31"], "speed": "0m/s"}
 
     def hardest(*edits: dict[str, object]) -> float:
@@ -99,7 +99,7 @@ def test_curves_are_driven_slower_on_a_slippery_road(apply: Apply) -> None:
     assert slippery[1] == dry[1]
 
 
-def test_both_judges_of_motions_hold_vehicles_to_the_road() -> None:
+def test_both_judges_of_motions_use_the_road_s_friction() -> None:
     speeds = np.arange(20.0, 5.0, -0.4)
     stations = np.concatenate([[0.0], np.cumsum((speeds[1:] + speeds[:-1]) / 2 * 0.1)])
     still = np.zeros(len(speeds))
@@ -109,7 +109,7 @@ def test_both_judges_of_motions_hold_vehicles_to_the_road() -> None:
         assert not check(motion, 0.1, friction=0.2).feasible
 
 
-def test_tyres_hold_less_on_a_slippery_road_and_the_power_stays() -> None:
+def test_tyres_grip_less_on_a_slippery_road_and_the_power_stays() -> None:
     on_ice = BMW_320I.on_road(0.1)
     assert on_ice.maximum_acceleration_mps2 == pytest.approx(0.981)
     assert on_ice.most_acceleration_mps2(50.0) == pytest.approx(min(0.981, BMW_320I.most_acceleration_mps2(50.0)))
@@ -117,7 +117,7 @@ def test_tyres_hold_less_on_a_slippery_road_and_the_power_stays() -> None:
     assert BMW_320I.on_road(None) is BMW_320I
 
 
-def test_reference_drivers_brake_no_harder_than_the_road_holds() -> None:
+def test_reference_drivers_brake_within_the_road_s_friction() -> None:
     brakes = CAR_BRAKES.on_road(0.2)
     assert brakes.full_mps2 == pytest.approx(HELD_MPS2)
     assert brakes.jerk_mps3 == pytest.approx(CAR_BRAKES.jerk_mps3)
@@ -137,7 +137,7 @@ def driven(path: Path, planner: str) -> RunResponse:
 
 
 @pytest.mark.parametrize("planner", ["frenetix:Default", "mp_rbfn:Default", "idm:Default", "fiss:Default"])
-def test_planners_brake_no_harder_than_the_road_holds(apply: Apply, planner: str) -> None:
+def test_planners_brake_within_the_road_s_friction(apply: Apply, planner: str) -> None:
     record = driven(apply(SLIPPERY, builder=STANDING_AHEAD).xml, planner).record
     assert record.friction == 0.2
     assert record.metrics is not None
@@ -145,7 +145,7 @@ def test_planners_brake_no_harder_than_the_road_holds(apply: Apply, planner: str
     assert not record.beyond_vehicle
 
 
-def test_where_nothing_states_a_friction_nothing_of_it_is_recorded(tmp_path: Path) -> None:
+def test_an_unstated_friction_is_not_recorded(tmp_path: Path) -> None:
     record = driven(STANDING_AHEAD.write(tmp_path / "dry.xml"), "idm:Default").record
     assert record.metrics is not None
     assert record.metrics.maximum_braking_mps2 > 1.3 * HELD_MPS2
@@ -168,7 +168,7 @@ def test_a_file_with_a_friction_that_no_road_has_is_refused(apply: Apply, tmp_pa
         read_scenario(broken)
 
 
-def test_a_scenario_made_in_snow_is_driven_within_what_tyres_hold(tmp_path: Path) -> None:
+def test_a_scenario_generated_in_snow_is_driven_within_the_tyres_limits(tmp_path: Path) -> None:
     make("Kreiselheim", tmp_path, conditions=TrafficConditions(weather="snow"), duration_s=8.0, density="medium")
     loaded = read_scenario(tmp_path / "scenario.xml")
     assert loaded.friction == ROAD_FRICTIONS["snow"]

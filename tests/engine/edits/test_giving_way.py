@@ -11,7 +11,7 @@ from support.edits import apply_to
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import Track
-from plannerforge.engine.cosimulation.handover import TakenOverTrack
+from plannerforge.engine.cosimulation.handover import HandoverTrack
 from plannerforge.engine.cosimulation.manoeuvres import Halt
 from plannerforge.engine.cosimulation.plans import Cause, DrivePlan, recorded_plan
 from plannerforge.engine.cosimulation.replay import ROUTES_FILE
@@ -42,12 +42,12 @@ def told(folder: Path, first: Vehicle, second: Vehicle, causes: tuple[Cause, Cau
     return plans_giving_way(plans, tracks, scene.tracks, [Overlap(31, 32, hit)])
 
 
-def as_driven(track: Track) -> TakenOverTrack:
+def as_driven(track: Track) -> HandoverTrack:
     """A motion like the recording."""
-    return TakenOverTrack(**vars(track), accelerations_mps2=track.speeds_mps * 0.0, leaves=False, lanes=())
+    return HandoverTrack(**vars(track), accelerations_mps2=track.speeds_mps * 0.0, leaves=False, lanes=())
 
 
-def test_a_handed_over_vehicle_waits_for_an_edited_one_until_the_way_is_free(tmp_path: Path) -> None:
+def test_a_handed_over_vehicle_waits_for_an_edited_one_until_the_road_is_free(tmp_path: Path) -> None:
     (plan,) = told(tmp_path, EAST, north(49.0), ("handed_over", "edited"), 48).values()
     assert plan.start.obstacle_id == 31
     (halt,) = plan.halts
@@ -58,18 +58,18 @@ def test_a_handed_over_vehicle_waits_for_an_edited_one_until_the_way_is_free(tmp
 
 
 @pytest.mark.parametrize(("behind_m", "later"), [(48.0, 31), (52.0, 32)])
-def test_of_two_that_were_handed_over_the_later_one_waits(tmp_path: Path, behind_m: float, later: int) -> None:
+def test_of_two_handed_over_vehicles_the_later_one_waits(tmp_path: Path, behind_m: float, later: int) -> None:
     assert set(told(tmp_path, EAST, north(behind_m), ("handed_over", "handed_over"), 50)) == {later}
 
 
-def test_one_that_comes_too_fast_to_stop_does_not_wait(tmp_path: Path) -> None:
+def test_a_vehicle_too_fast_to_stop_does_not_wait(tmp_path: Path) -> None:
     rushing = replace(EAST, poses=tuple((x + 42.0, y, heading, 12.0) for x, y, heading, _ in EAST.poses))
     near = north(8.0)
     assert set(told(tmp_path, rushing, north(11.0), ("handed_over", "edited"), 8)) == {32}
     assert told(tmp_path, rushing, replace(near, poses=near.poses[2:]), ("handed_over", "edited"), 5) == {}
 
 
-def test_no_vehicle_brakes_for_one_that_has_not_entered_yet(tmp_path: Path) -> None:
+def test_no_vehicle_brakes_for_another_that_has_not_entered_yet(tmp_path: Path) -> None:
     entering = replace(north(4.0, 1.0), first_step=44)
     assert told(tmp_path, EAST, entering, ("handed_over", "added"), 46) == {}
     (plan,) = told(tmp_path, EAST, replace(entering, first_step=36), ("handed_over", "added"), 48).values()
@@ -83,7 +83,9 @@ def test_no_vehicle_brakes_for_one_that_has_not_entered_yet(tmp_path: Path) -> N
         ("BEL_Brussels-51_2_T-1", {"op": "reroute", "vehicles": ["30199"], "to": ["649"]}),
     ],
 )
-def test_no_two_collide_where_one_can_wait(shared_data: Path, tmp_path: Path, name: str, edit: dict[str, Any]) -> None:
+def test_no_two_vehicles_collide_if_one_can_wait(
+    shared_data: Path, tmp_path: Path, name: str, edit: dict[str, Any]
+) -> None:
     base = shared_data / "data" / "commonroad" / f"{name}.xml"
     outcome = apply_to(base, tmp_path, edit, detail="checks").outcome
     assert outcome.collisions == ()
@@ -91,7 +93,7 @@ def test_no_two_collide_where_one_can_wait(shared_data: Path, tmp_path: Path, na
     assert all(one.feasible for one in outcome.touched)
 
 
-def test_a_halt_that_cures_nothing_leaves_the_motion_as_it_was(
+def test_a_useless_halt_leaves_the_motion_unchanged(
     shared_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     base = shared_data / "data" / "commonroad" / "DEU_Arnstadt-46_1_T-1.xml"

@@ -12,7 +12,7 @@ from support.builders import Lane, Problem, ScenarioBuilder, arc, line, town_roa
 from support.edits import Apply
 
 from plannerforge.engine.commonroad.reader import read_scenario
-from plannerforge.engine.vehicles import can_be_there, latest_passing_s, least_time_s
+from plannerforge.engine.vehicles import can_be_between, latest_passing_s, least_time_s
 from plannerforge.engine.vehicles.models import LARGEST_ACCELERATION_MPS2, LARGEST_SPEED_MPS
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 
@@ -30,17 +30,17 @@ def test_every_motion_within_the_limits_is_possible(speed: float, accelerations:
         after = min(max(now + acceleration * 0.1, 0.0), LARGEST_SPEED_MPS)
         now, driven = after, driven + (now + after) / 2 * 0.1
     time = 0.1 * len(accelerations)
-    assert can_be_there(speed, (driven, driven), np.array([time]), np.array([now])).all()
+    assert can_be_between(speed, (driven, driven), np.array([time]), np.array([now])).all()
     assert least_time_s(speed, driven) <= time + 1e-6
     assert latest_passing_s(speed, driven + 1e-3) >= time
 
 
-def test_the_bounds_are_those_of_full_braking_and_full_acceleration() -> None:
+def test_the_bounds_are_full_braking_and_full_acceleration() -> None:
     assert latest_passing_s(23.0, 23.0) == math.inf
     assert latest_passing_s(23.0, 17.25) == pytest.approx(1.0)
     assert least_time_s(0.0, 23.0) == pytest.approx(2.0)
-    assert not can_be_there(10.0, (0.0, 100.0), np.array([1.0]), np.array([22.0])).any()
-    assert not can_be_there(10.0, (16.0, 16.0), np.array([1.0]), np.array([10.0])).any()
+    assert not can_be_between(10.0, (0.0, 100.0), np.array([1.0]), np.array([22.0])).any()
+    assert not can_be_between(10.0, (16.0, 16.0), np.array([1.0]), np.array([10.0])).any()
 
 
 def test_the_sentence_names_time_and_speed(apply: Apply) -> None:
@@ -49,7 +49,7 @@ def test_the_sentence_names_time_and_speed(apply: Apply) -> None:
     assert "from 6.0 to 15.0 s, at any speed" in apply({"op": "set_goal", "to": ["11"]}).outcome.edits[0].what
 
 
-def test_a_time_by_which_every_car_has_passed_is_refused_with_the_latest_beginning(apply: Apply) -> None:
+def test_a_time_after_every_car_has_passed_is_refused_with_the_latest_start(apply: Apply) -> None:
     with pytest.raises(NotPossible, match="has passed the goal") as caught:
         apply({**NEAR, "goal_time": "3..4s"}, builder=FAST)
     (latest,) = re.findall(r"begins by (\d\.\d) s", caught.value.valid[0])
@@ -67,7 +67,7 @@ def test_a_goal_on_a_circular_road_may_be_passed_first(apply: Apply) -> None:
 
 
 @pytest.mark.parametrize("speed", [">=49m/s", "0..1m/s"])
-def test_a_speed_that_no_car_has_there_is_refused_with_those_it_can_have(apply: Apply, speed: str) -> None:
+def test_an_impossible_speed_at_the_goal_is_refused_with_possible_ones(apply: Apply, speed: str) -> None:
     place = {**NEAR, "position": "85m" if speed.startswith(">") else "49m", "goal_time": "<=5s"}
     with pytest.raises(NotPossible, match="no car that starts at 22") as caught:
         apply({**place, "goal_speed": speed}, builder=FAST)
@@ -84,7 +84,7 @@ def test_a_time_after_the_scenario_s_end_is_refused(apply: Apply) -> None:
 def test_a_later_start_must_not_make_the_goal_impossible(apply: Apply) -> None:
     goal = {"op": "set_goal", "to": ["1"], "position": "150m", "goal_time": "<=5s"}
     back = {"op": "set_ego", "at": "1", "position": "2m", "speed": "0m/s"}
-    with pytest.raises(NotPossible, match=r"from the ego's new start: 148\.0 m within 5\.0 s") as caught:
+    with pytest.raises(NotPossible, match=r"from the ego's new start: .*148\.0 m within 5\.0 s") as caught:
         apply(goal, back, builder=FAST)
     assert "set_goal" in str(caught.value.next_step)
     assert apply(back, {**goal, "goal_time": "<=6s"}, builder=FAST).outcome.edits[1].done
@@ -108,7 +108,7 @@ def test_a_car_s_own_end_is_a_goal_that_it_meets(apply: Apply) -> None:
     assert (speeds.start, speeds.end) == pytest.approx((8.0, 25.0))
 
 
-def test_a_change_to_a_lane_that_begins_elsewhere_is_no_distance(apply: Apply) -> None:
+def test_a_change_to_a_lane_that_begins_elsewhere_adds_no_distance(apply: Apply) -> None:
     lanes = (
         Lane(1, line((0.0, 0.0), (200.0, 0.0)), left=(2, True)),
         Lane(2, line((60.0, 3.5), (200.0, 3.5)), right=(1, True)),

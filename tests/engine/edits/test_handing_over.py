@@ -13,7 +13,7 @@ BRAKES = {"op": "set_behaviour", "vehicles": ["31"], "params": ["speedFactor=0.2
 PAIR = town_road().with_vehicles(driving(31, (60, 0), 10.0, 101), driving(32, (35, 0), 10.0, 101))
 
 
-def test_a_follower_that_would_hit_is_handed_over_and_said_so(apply: Apply) -> None:
+def test_a_follower_that_would_hit_is_handed_over_and_reported(apply: Apply) -> None:
     applied = apply(BRAKES, builder=PAIR)
     assert applied.outcome.handed_over == (32,)
     assert applied.outcome.collisions == ()
@@ -27,7 +27,7 @@ def test_a_follower_far_behind_stays_as_recorded(apply: Apply) -> None:
     assert applied.changed_elements() == {"31"}
 
 
-def test_a_collision_that_nothing_cures_is_reported_or_refused(apply: Apply) -> None:
+def test_a_remaining_collision_is_reported_or_refused(apply: Apply) -> None:
     walker = driving(36, (75, 0), 0.1, 101, kind="pedestrian", size_m=(0.6, 0.6))
     rushing = town_road().with_vehicles(driving(31, (62, 3.5), 14.0, 101), walker)
     into = {"op": "add_vehicle", "vehicle_class": "car", "at": "1", "position": "66m", "speed": "14m/s"}
@@ -64,7 +64,7 @@ def test_a_queue_that_builds_up_behind_is_handed_over_to_its_end(apply: Apply) -
     assert applied.outcome.collisions == ()
 
 
-def test_a_vehicle_that_keeps_its_recording_where_all_should_react_is_named(apply: Apply) -> None:
+def test_a_vehicle_that_keeps_its_recording_although_all_should_react_is_named(apply: Apply) -> None:
     walker = driving(36, (75, 5), 0.5, 101, kind="pedestrian", size_m=(0.6, 0.6))
     last = driving(37, (20, 3.5), 8.0, 2, first_step=99)
     applied = apply(

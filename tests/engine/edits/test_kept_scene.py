@@ -62,14 +62,14 @@ def test_a_recording_is_read_once_for_runs_pictures_and_edits(tmp_path: Path) ->
     assert kept_recording(path) is not first
 
 
-def test_other_content_under_the_same_name_is_read_anew(tmp_path: Path) -> None:
+def test_other_content_under_the_same_name_is_read_again(tmp_path: Path) -> None:
     path = town_road().write(tmp_path / "base.xml")
     assert 31 in scene_of(path).scene.tracks
     town_road().with_vehicles(driving(77, (60, 0), 10.0, 101)).write(path)
     assert list(scene_of(path).scene.tracks) == [77]
 
 
-def test_an_edit_leaves_nothing_behind_in_the_kept_scene(tmp_path: Path) -> None:
+def test_an_edit_does_not_change_the_cached_scene(tmp_path: Path) -> None:
     path = town_road().write(tmp_path / "base.xml")
     first = apply_to(path, tmp_path / "one", EDIT).xml.read_bytes()
     apply_to(path, tmp_path / "two", {"op": "remove_vehicle", "vehicles": ["all"]}, {"op": "set_goal", "to": ["11"]})

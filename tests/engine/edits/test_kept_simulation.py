@@ -18,12 +18,12 @@ def test_the_types_and_routes_that_sumo_drove_with_are_kept_on_request(apply: Ap
     assert driven.find("route").get("edges")
 
 
-def test_no_simulation_is_kept_unasked_or_where_no_vehicle_was_driven(apply: Apply) -> None:
+def test_a_simulation_is_kept_only_on_request_and_if_a_vehicle_was_driven(apply: Apply) -> None:
     assert sorted(path.name for path in apply(AGGRESSIVE).xml.parent.iterdir()) == ["scenario.net.xml", "scenario.xml"]
     removed = apply({"op": "remove_vehicle", "vehicles": ["31"]}, keep_simulation=True)
     assert not (removed.xml.parent / TYPES_FILE).exists()
 
 
-def test_keeping_the_simulation_changes_nothing_in_the_scenario(apply: Apply) -> None:
+def test_caching_the_simulation_does_not_change_the_scenario(apply: Apply) -> None:
     written = apply(AGGRESSIVE).xml.read_bytes()
     assert apply(AGGRESSIVE, keep_simulation=True).xml.read_bytes() == written

@@ -41,7 +41,7 @@ def applied_to_light(tmp_path: Path, *phases: tuple[str, int]) -> Applied:
     return apply_to(base, tmp_path / "out", CALM)
 
 
-def test_a_car_at_a_red_light_stands_when_its_behaviour_is_edited(tmp_path: Path) -> None:
+def test_a_car_stands_at_a_red_light_after_its_behaviour_is_edited(tmp_path: Path) -> None:
     applied = applied_to_light(tmp_path, ("red", 200), ("green", 100))
     track = applied.tracks()[32]
     assert track.front_at(len(track.positions) - 1)[0] < -9.5
@@ -54,7 +54,7 @@ def test_it_drives_off_when_its_light_turns_green(tmp_path: Path) -> None:
     assert track.front_at(100)[0] > 0.0
 
 
-def test_one_that_stood_at_no_known_light_is_told_to_drive_now(apply: Apply) -> None:
+def test_a_vehicle_that_stood_without_a_known_light_is_reported_to_drive_now(apply: Apply) -> None:
     outcome = apply(CALM, builder=QUEUE).outcome
     assert outcome.touched[0].stood_until_s == 10.0
 

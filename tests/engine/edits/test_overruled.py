@@ -45,7 +45,7 @@ TRUCK = {"op": "add_vehicle", "vehicle_class": "truck", "at": "2", "position": "
         (behaving("tau*2"), behaving("minGap*2", preset="balanced"), "later edits override it"),
     ],
 )
-def test_an_edit_that_nothing_is_left_of_is_not_done(
+def test_an_edit_without_remaining_effect_is_not_done(
     apply: Apply, first: dict[str, Any], second: dict[str, Any], why: str
 ) -> None:
     one, other = apply(first, second, builder=FREE).outcome.edits
@@ -74,12 +74,12 @@ def test_a_partly_applied_behaviour_is_done(apply: Apply, first: dict[str, Any],
     assert all(edit.done for edit in apply(first, second, builder=FREE).outcome.edits)
 
 
-def test_a_speed_that_another_edit_changes_before_it_is_reached_says_so(apply: Apply) -> None:
+def test_a_speed_replaced_before_it_is_reached_is_reported(apply: Apply) -> None:
     what = apply(held("3m/s", 1.0), held("15m/s", 1.5), builder=FREE).outcome.edits[0].what
-    assert what.endswith("m/s at best: another edit limits it to 15.0 m/s from 1.5 s")
+    assert what.endswith("another edit sets its speed to 15.0 m/s from 1.5 s")
 
 
-def test_a_target_that_a_later_edit_replaces_is_not_told_as_a_missing_gap(apply: Apply) -> None:
+def test_a_replaced_target_is_not_reported_as_a_missing_gap(apply: Apply) -> None:
     first, _ = apply(sent("2"), sent("11"), builder=FREE).outcome.edits
     assert first.routes[0].reason == "a later edit sends it elsewhere"
 
@@ -94,6 +94,6 @@ def test_the_missing_gap_is_named_before_the_end_of_the_network(apply: Apply) ->
     assert in_the_way == "in the way: vehicle 52, vehicle 53, vehicle 51"
 
 
-def test_a_change_for_which_there_is_no_time_says_so(apply: Apply) -> None:
+def test_a_change_without_enough_time_is_reported(apply: Apply) -> None:
     (route,) = apply(lane("left", 9.7), builder=FREE).outcome.edits[0].routes
     assert route.reason == "no time to change into lanelet 2 before the scenario ends at 10.0 s"

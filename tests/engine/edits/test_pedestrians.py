@@ -27,7 +27,7 @@ def test_a_departure_and_a_speed_hold(apply: Apply) -> None:
     assert track.speeds_mps[0] == pytest.approx(2.0)
 
 
-def test_one_of_no_speed_stands_on_the_lane(apply: Apply) -> None:
+def test_a_pedestrian_without_speed_stands_on_the_lane(apply: Apply) -> None:
     applied = apply(WALKER | {"at": "ego", "offset_m": 40, "speed": "0m/s"}, builder=QUIET)
     track = applied.tracks()[101]
     assert "stands on lanelet 1 at 80.0 m" in applied.outcome.edits[0].what
@@ -57,7 +57,7 @@ def test_motorways_are_not_open_to_the_slow(apply: Apply, name: str) -> None:
 
 
 @pytest.mark.parametrize("extra", [{"to": ["3"]}, {"count": 2}, {"preset": "eco"}])
-def test_what_only_vehicles_have_is_refused(apply: Apply, extra: dict[str, object]) -> None:
+def test_arguments_only_for_vehicles_are_refused(apply: Apply, extra: dict[str, object]) -> None:
     with pytest.raises(InvalidRequest, match="vehicles"):
         apply(WALKER | {"at": "1"} | extra, builder=QUIET)
 

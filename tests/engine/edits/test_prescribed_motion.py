@@ -39,7 +39,7 @@ def test_a_share_of_its_speed_is_driven_along_its_way(apply: Apply) -> None:
     assert track.speeds_mps[-1] == pytest.approx(12.0, abs=0.2)
 
 
-def test_a_lane_change_takes_the_prescribed_time(apply: Apply) -> None:
+def test_a_lane_change_lasts_the_prescribed_time(apply: Apply) -> None:
     aside = {"op": "change_lane", "vehicles": ["31"], "lane": "left", "time_s": 2.0, "lateral_s": 4.0}
     places = apply(aside, builder=ALONE).tracks()[31].positions[:, 1]
     assert places[20] == pytest.approx(0.0, abs=0.1)
@@ -47,14 +47,14 @@ def test_a_lane_change_takes_the_prescribed_time(apply: Apply) -> None:
     assert places[62] == pytest.approx(3.5, abs=0.1)
 
 
-def test_a_swerve_comes_back(apply: Apply) -> None:
+def test_a_swerve_returns(apply: Apply) -> None:
     swerve = {"op": "swerve", "vehicles": ["31"], "side": "right", "offset_m": 0.8, "time_s": 2.0}
     places = apply(swerve, builder=ALONE).tracks()[31].positions[:, 1]
     assert places.min() == pytest.approx(-0.8, abs=0.1)
     assert places[-1] == pytest.approx(0.0, abs=0.1)
 
 
-def test_a_cut_in_ends_with_the_gap_that_is_asked_for(apply: Apply) -> None:
+def test_a_cut_in_ends_with_the_requested_gap(apply: Apply) -> None:
     edit = {"op": "cut_in", "vehicles": ["33"], "gap_s": 1.2, "lateral_s": 3.0, "time_s": 3.0}
     applied = apply(edit, builder=BESIDE)
     track, report = applied.tracks()[33], applied.outcome.edits[0]
@@ -66,7 +66,9 @@ def test_a_cut_in_ends_with_the_gap_that_is_asked_for(apply: Apply) -> None:
 
 
 @pytest.mark.parametrize(("speed_mps", "units"), [(0.2, ["m"]), (10.0, ["s", "m"])])
-def test_a_time_gap_to_one_that_stands_is_not_told_as_reached(apply: Apply, speed_mps: float, units: list[str]) -> None:
+def test_a_time_gap_to_a_standing_vehicle_is_not_reported_as_reached(
+    apply: Apply, speed_mps: float, units: list[str]
+) -> None:
     tracks = apply({"op": "set_speed", "vehicles": ["31"], "speed": "9m/s"}, builder=ALONE).base_tracks()
     ahead, behind = tracks[31], replace(tracks[31], obstacle_id=32, positions=tracks[31].positions - [19.5, 0.0])
     behind = replace(behind, speeds_mps=np.full(len(behind.positions), speed_mps))
@@ -80,7 +82,7 @@ def test_a_time_gap_to_one_that_stands_is_not_told_as_reached(apply: Apply, spee
     assert (why_missed(told) is None) == (len(units) == 2)
 
 
-def test_an_edit_is_done_if_what_it_is_about_happened_for_one_of_its_vehicles() -> None:
+def test_an_edit_is_done_if_it_succeeds_for_one_of_its_vehicles() -> None:
     missed = scripted.achieved(31, scripted.LINE_MISSED, None, 0.0, "", reached=False)
     crossed = scripted.achieved(32, "crossing at red", None, 4.0, "s")
     short = scripted.achieved(31, "gap", 1.5, 1.2, "s")
@@ -89,7 +91,7 @@ def test_an_edit_is_done_if_what_it_is_about_happened_for_one_of_its_vehicles() 
     assert not short.reached
     assert why_missed([short]) is None
     told = EditReport(index=0, op="cut_in", letter="T", done=False, what="", vehicles=(31,), achieved=(missed,))
-    assert told.verdict == "not reached"
+    assert told.verdict == "off target"
 
 
 def test_a_cut_in_from_a_farther_lane_names_the_vehicles_alongside(apply: Apply) -> None:
@@ -99,7 +101,7 @@ def test_a_cut_in_from_a_farther_lane_names_the_vehicles_alongside(apply: Apply)
     assert refusal.value.valid == ("vehicles=['33']",)
 
 
-def test_a_vehicle_goes_over_to_the_oncoming_lane(apply: Apply) -> None:
+def test_a_vehicle_moves_to_the_oncoming_lane(apply: Apply) -> None:
     places = apply({"op": "wrong_way", "vehicles": ["33"], "time_s": 2.0}, builder=BESIDE).tracks()[33].positions[:, 1]
     assert places[-1] == pytest.approx(7.0, abs=0.2)
 
@@ -135,7 +137,7 @@ def test_prescribed_motion_survives_the_reactive_traffic_of_a_run(tmp_path: Path
     assert traffic.on_recording == (31,)
 
 
-def test_what_no_vehicle_can_do_is_refused(apply: Apply) -> None:
+def test_infeasible_motions_are_refused(apply: Apply) -> None:
     with pytest.raises(InvalidRequest):
         apply({"op": "set_speed", "vehicles": ["31"], "speed": "2m/s", "rate_mps2": 40.0}, builder=ALONE)
 

@@ -24,7 +24,7 @@ def edited(shared_data: Path, name: str, tmp_path: Path) -> Applied:
 
 @pytest.mark.shared_data
 @pytest.mark.parametrize("name", FILES)
-def test_touched_vehicles_change_and_nothing_else(shared_data: Path, tmp_path: Path, name: str) -> None:
+def test_only_touched_vehicles_change(shared_data: Path, tmp_path: Path, name: str) -> None:
     applied = edited(shared_data, name, tmp_path)
     touched = {vehicle.vehicle_id for vehicle in applied.outcome.touched}
     assert applied.changed_elements() == {str(key) for key in touched | set(applied.outcome.removed)}

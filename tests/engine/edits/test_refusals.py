@@ -44,11 +44,14 @@ WRONG: list[tuple[dict[str, Any], str, str]] = [
     ({"op": "remove_vehicle", "vehicles": ["!31"]}, "only exclusions", "all"),
     ({"op": "remove_vehicle", "vehicles": ["31", "!31"]}, "31, !31 leaves no vehicle", "31 (car)"),
     ({"op": "remove_vehicle", "vehicles": ["standing"]}, "no vehicle stands", "31 (car)"),
+    ({"op": "replace", "vehicles": ["31"], "vehicle_class": "pedestrian"}, "needs a class of vehicle", "truck"),
+    ({"op": "wrong_way", "at": "1", "vehicle_class": "pedestrian"}, "needs a class of vehicle", "truck"),
+    ({"op": "close_lane"}, "close_lane needs lanelets", "to=[LANELET]"),
     ({"op": "change_lane", "vehicles": ["31"]}, "left or right", "lane=left"),
-    ({"op": "change_lane", "vehicles": ["31"], "lane": "right"}, "no lane in its direction on its right", "lane=left"),
+    ({"op": "change_lane", "vehicles": ["31"], "lane": "right"}, "no lane in its direction to its right", "lane=left"),
     ({"op": "change_lane", "vehicles": ["31"], "lane": "left", "time_s": 99.0}, "31 is not there at 99 s", "time_s"),
     ({"op": "set_speed", "vehicles": ["31"]}, "needs a speed", "30km/h"),
-    ({"op": "set_speed", "vehicles": ["31"], "speed": "900km/h"}, "cannot drive 900km/h", "m/s"),
+    ({"op": "set_speed", "vehicles": ["31"], "speed": "900km/h"}, "cannot drive at 900km/h", "m/s"),
     ({"op": "set_speed", "vehicles": ["31"], "speed": "fast"}, "'fast' is not a quantity", "a number"),
     ({"op": "set_speed", "vehicles": ["31"], "speed": "8kg"}, "the unit 'kg'", "km/h"),
     ({"op": "shift_time", "vehicles": ["31"]}, "at least one time step", "time_s=2"),
@@ -72,10 +75,10 @@ WRONG: list[tuple[dict[str, Any], str, str]] = [
     (CAR | {"at": "1", "position": "somewhere"}, "'somewhere' is not a position", "middle"),
     (CAR | {"at": "1", "position": "500m"}, "500m is beyond", "200.0m"),
     (CAR | {"at": "1", "position": "7"}, "position 7 is not a fraction", "middle"),
-    (CAR | {"at": "ego", "lane": "right", "offset_m": 10.0}, "no lane in its direction on its right", "left"),
-    (CAR | {"at": "ego", "offset_m": 900.0}, "the road ends before", "up to"),
+    (CAR | {"at": "ego", "lane": "right", "offset_m": 10.0}, "no lane in its direction to its right", "left"),
+    (CAR | {"at": "ego", "offset_m": 900.0}, "the road does not extend", "up to"),
     (CAR | {"at": "31", "offset_m": 0.0}, "is occupied by", "at=1 position="),
-    (CAR | {"at": "1", "speed": "900km/h"}, "cannot drive 900km/h", "m/s"),
+    (CAR | {"at": "1", "speed": "900km/h"}, "cannot drive at 900km/h", "m/s"),
     (CAR | {"at": "1", "time_s": 99.0}, "departure at 99.0 s", "0 …"),
     ({"op": "add_vehicle", "at": "1"}, "needs a vehicle_class", "car"),
     ({"op": "add_vehicle", "at": "1", "vehicle_class": "tram"}, "no vehicle class 'tram'", "car"),
@@ -83,15 +86,15 @@ WRONG: list[tuple[dict[str, Any], str, str]] = [
     ({"op": "add_vehicle", "at": "1", "vehicle_class": "pedestrian", "preset": "eco"}, "preset", "at"),
     ({"op": "set_goal"}, "either a lanelet in 'to' or a 'turn'", "2"),
     (GOAL | {"goal_time": "90..99s"}, "begins after the scenario's end", "<="),
-    (GOAL | {"goal_time": "9..8s"}, "starts above its end", "8s..9s"),
+    (GOAL | {"goal_time": "9..8s"}, "its start is above its end", "8s..9s"),
     (GOAL | {"goal_speed": "900km/h"}, "a car cannot drive at goal_speed", "m/s"),
-    (GOAL | {"goal_time": "<=1s"}, "out of reach of any car", "goal_time of at least"),
+    (GOAL | {"goal_time": "<=1s"}, "no car that starts at", "goal_time of at least"),
     (GOAL | {"rectangle_m": [8.0]}, "not a goal region", "[length, width]"),
     ({"op": "set_ego"}, "set_ego takes", "at=LANELET"),
-    ({"op": "set_ego", "speed": "900km/h"}, "cannot drive 900km/h", "m/s"),
+    ({"op": "set_ego", "speed": "900km/h"}, "cannot drive at 900km/h", "m/s"),
     ({"op": "set_ego", "vehicles": ["31", "33"]}, "vehicle 31, 33 cannot become the ego", "31"),
     ({"op": "set_ego", "vehicle_class": "bicycle"}, "the ego cannot be a 'bicycle'", "motorcycle"),
-    ({"op": "set_ego", "vehicle_class": "bus", "speed": "30m/s"}, "cannot drive 30m/s", "23.6"),
+    ({"op": "set_ego", "vehicle_class": "bus", "speed": "30m/s"}, "cannot drive at 30m/s", "23.6"),
     (
         {"op": "remove_vehicle", "vehicles": ["31"], "speed": "9m/s"},
         "speed is not an argument of op remove_vehicle",
@@ -101,7 +104,7 @@ WRONG: list[tuple[dict[str, Any], str, str]] = [
 
 
 @pytest.mark.parametrize(("edit", "wrong", "valid"), WRONG, ids=[wrong for _, wrong, _ in WRONG])
-def test_a_refusal_names_the_value_what_is_valid_and_the_next_step(
+def test_a_refusal_names_the_value_the_valid_ones_and_the_next_step(
     apply: Apply, edit: dict[str, Any], wrong: str, valid: str
 ) -> None:
     with pytest.raises(InvalidRequest) as caught:

@@ -28,12 +28,12 @@ def test_a_neighbouring_lane_as_target_is_a_lane_change(apply: Apply) -> None:
     assert applied.tracks()[31].positions[120][1] == pytest.approx(3.5, abs=0.3)
 
 
-def test_an_edge_stands_for_any_of_its_lanelets(apply: Apply) -> None:
+def test_an_edge_means_any_of_its_lanelets(apply: Apply) -> None:
     applied = apply({"op": "reroute", "vehicles": ["35"], "to": ["e13"]})
     assert applied.outcome.edits[0].routes[0].arrives
 
 
-def test_a_target_that_is_reachable_but_too_far_says_why_it_does_not_arrive(apply: Apply) -> None:
+def test_a_reachable_target_too_far_away_gets_a_reason(apply: Apply) -> None:
     slow = driving(36, (5, 0), 2.0, 41)
     builder = town_road().with_vehicles(slow)
     applied = apply({"op": "reroute", "vehicles": ["36"], "to": ["13"]}, builder=builder)
@@ -42,7 +42,7 @@ def test_a_target_that_is_reachable_but_too_far_says_why_it_does_not_arrive(appl
     assert "scenario ends at 4.0 s" in route.reason
 
 
-def test_a_target_that_cannot_be_reached_is_refused_with_those_that_can(apply: Apply) -> None:
+def test_an_unreachable_target_is_refused_with_reachable_ones(apply: Apply) -> None:
     with pytest.raises(NotPossible, match="lanelet 3 cannot be reached by vehicle 31") as caught:
         apply({"op": "reroute", "vehicles": ["31"], "to": ["3"]})
     assert {"11", "12"} <= set(caught.value.valid)
@@ -78,6 +78,7 @@ def test_a_turn_that_the_fork_does_not_have_is_refused_with_its_branches(apply: 
         apply({"op": "reroute", "vehicles": ["35"], "turn": "left"})
     assert any("right" in branch for branch in caught.value.valid)
     assert any("straight" in branch for branch in caught.value.valid)
+    assert not caught.value.remedies, "the opposite turn is not what was requested"
 
 
 def test_a_lane_without_a_fork_has_no_turn(apply: Apply) -> None:
@@ -91,12 +92,12 @@ def test_either_a_target_or_a_turn_is_needed(apply: Apply, edit: dict[str, objec
         apply({"op": "reroute", "vehicles": ["35"], **edit})
 
 
-def test_all_vehicles_or_none(apply: Apply) -> None:
+def test_all_vehicles_are_rerouted_or_the_edit_is_refused(apply: Apply) -> None:
     with pytest.raises(NotPossible, match="vehicle 34"):
         apply({"op": "reroute", "vehicles": ["35", "34"], "to": ["13"]})
 
 
-def test_lanelets_on_the_way_are_driven_through_in_order(apply: Apply) -> None:
+def test_lanelets_on_the_route_are_driven_through_in_order(apply: Apply) -> None:
     alone = town_road().with_vehicles(driving(31, (20, 0), 10.0, 281))
     route = apply({"op": "reroute", "vehicles": ["31"], "via": ["2"], "to": ["11"]}, builder=alone)
     (driven,) = route.outcome.edits[0].routes
@@ -105,7 +106,7 @@ def test_lanelets_on_the_way_are_driven_through_in_order(apply: Apply) -> None:
     assert 11 in driven.lanelets
 
 
-def test_a_lanelet_on_the_way_that_leads_nowhere_is_refused(apply: Apply) -> None:
+def test_a_dead_end_on_the_route_is_refused(apply: Apply) -> None:
     with pytest.raises(NotPossible, match="11 cannot be reached by vehicle 31 from lanelet 13"):
         apply({"op": "reroute", "vehicles": ["31"], "via": ["13"], "to": ["11"]})
 
@@ -115,20 +116,20 @@ def test_lanelets_edges_and_lanes_are_all_understood(apply: Apply, target: str) 
     assert apply({"op": "reroute", "vehicles": ["31"], "to": [target]}).outcome.edits[0].routes[0].arrives
 
 
-def test_a_bend_that_the_vehicle_comes_to_too_fast_is_refused(apply: Apply) -> None:
+def test_a_curve_that_the_vehicle_reaches_too_fast_is_refused(apply: Apply) -> None:
     racing = town_road().with_vehicles(driving(36, (150, 0), 38.0, 30))
     with pytest.raises(NotPossible, match=r"38\.0 m/s 50 m before a curve of lanelet 12.*cannot brake enough"):
         apply({"op": "reroute", "vehicles": ["36"], "to": ["13"]}, builder=racing)
 
 
-def test_a_bend_that_it_can_brake_for_is_driven(apply: Apply) -> None:
+def test_a_curve_that_it_can_brake_for_is_driven(apply: Apply) -> None:
     fast = town_road().with_vehicles(driving(36, (50, 0), 25.0, 101))
     applied = apply({"op": "reroute", "vehicles": ["36"], "to": ["12"]}, builder=fast)
     assert applied.outcome.edits[0].routes[0].arrives
     assert applied.outcome.touched[0].feasible
 
 
-def test_a_bend_at_the_far_end_of_a_lanelet_leaves_all_of_it_to_brake(apply: Apply) -> None:
+def test_a_curve_at_the_far_end_of_a_lanelet_leaves_its_whole_length_to_brake(apply: Apply) -> None:
     late_bend = (*line((100, 0), (200, 0)), *arc((200, 12), 12, -math.pi / 2, 0)[1:])
     lanes = (Lane(1, line((0, 0), (100, 0)), successors=(2, 3)), Lane(2, late_bend), Lane(3, line((100, 0), (300, 0))))
     fast = ScenarioBuilder(lanes, (driving(36, (95, 0), 20.0, 91),))

@@ -23,7 +23,7 @@ def tried(builder: ScenarioBuilder, folder: Path) -> RoundTrip:
 
 
 @pytest.mark.parametrize("version", ["2018b", "2020a"])
-def test_all_road_users_are_held_as_recorded(tmp_path: Path, version: str) -> None:
+def test_all_road_users_keep_their_recording(tmp_path: Path, version: str) -> None:
     town = town_road()
     builder = replace(town.with_vehicles(*town.vehicles, WALKER, BESIDE, ARRIVES), parked=(PARKED,), version=version)
     result = tried(builder, tmp_path)
@@ -34,7 +34,7 @@ def test_all_road_users_are_held_as_recorded(tmp_path: Path, version: str) -> No
     assert result.speed_error_mps <= 0.01
 
 
-def test_a_vehicle_far_from_every_lane_is_held_too(tmp_path: Path) -> None:
+def test_a_vehicle_far_from_every_lane_keeps_its_recording(tmp_path: Path) -> None:
     result = tried(town_road().with_vehicles(FAR_AWAY), tmp_path)
     assert result.missing == ()
     assert result.position_error_m <= 0.01

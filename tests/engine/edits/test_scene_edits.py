@@ -28,7 +28,7 @@ def test_a_replaced_vehicle_has_the_size_of_its_new_class_and_drives_as_before(a
     assert new.positions == pytest.approx(old.positions)
 
 
-def test_a_time_gap_says_where_a_vehicle_enters(apply: Apply) -> None:
+def test_a_time_gap_decides_where_a_vehicle_enters(apply: Apply) -> None:
     added = {"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "gap_s": 2.0}
     applied = apply(added, builder=town_road().with_vehicles(driving(31, (150, 3.5), 10.0, 101)))
     (key,) = applied.outcome.edits[0].vehicles
@@ -48,7 +48,7 @@ def test_a_parked_vehicle_is_off_the_lane(apply: Apply) -> None:
 
 
 @pytest.mark.parametrize(("side", "sign"), [("left", -1.0), ("right", 1.0)])
-def test_a_pedestrian_comes_from_either_side(apply: Apply, side: str, sign: float) -> None:
+def test_a_pedestrian_starts_on_either_side(apply: Apply, side: str, sign: float) -> None:
     walker = {"op": "add_vehicle", "vehicle_class": "pedestrian", "at": "1", "position": "0.9", "side": side}
     applied = apply(walker, builder=FREE)
     (key,) = applied.outcome.edits[0].vehicles

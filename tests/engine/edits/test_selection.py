@@ -46,7 +46,7 @@ def test_selectors(apply: Apply, selectors: list[str], expected: tuple[int, ...]
     assert meant(apply, *selectors) == expected
 
 
-def test_a_vehicle_that_comes_later_is_in_no_outer_lane_at_the_start(apply: Apply) -> None:
+def test_a_vehicle_that_enters_later_is_in_no_outer_lane_at_the_start(apply: Apply) -> None:
     late = driving(36, (20, 3.5), 8.0, 20, first_step=5)
     assert meant(apply, "leftmost", builder=town_road().cut(11).with_vehicles(*town_road().vehicles, late)) == (33,)
 
@@ -86,7 +86,7 @@ def test_standing_vehicles(apply: Apply) -> None:
         meant(apply, "standing")
 
 
-def test_pedestrians_are_no_vehicles_but_can_be_named(apply: Apply) -> None:
+def test_pedestrians_are_not_vehicles_but_can_be_named(apply: Apply) -> None:
     walker = driving(36, (100, 1), 1.0, 151, kind="pedestrian", size_m=(0.5, 0.5))
     builder = town_road().with_vehicles(*town_road().vehicles, walker)
     assert 36 not in meant(apply, "all", builder=builder)
@@ -102,7 +102,7 @@ def test_an_ambiguous_one_is_refused_with_the_candidates(apply: Apply) -> None:
     assert caught.value.valid == ("31 (car)", "32 (car)", "35 (car)")
 
 
-def test_a_class_that_is_not_there_is_refused_with_those_that_are(apply: Apply) -> None:
+def test_a_missing_class_is_refused_with_the_present_ones(apply: Apply) -> None:
     with pytest.raises(NotPossible, match="has no bus") as caught:
         meant(apply, "class:bus")
     assert "33 (truck)" in caught.value.valid
@@ -115,7 +115,7 @@ def test_an_unknown_id_is_refused_with_the_nearest(apply: Apply) -> None:
 
 
 @pytest.mark.parametrize("word", ["ego", "the ego", "100", "!ego"])
-def test_the_ego_is_refused_with_the_way_to_go(apply: Apply, word: str) -> None:
+def test_the_ego_is_refused_with_the_right_operation(apply: Apply, word: str) -> None:
     with pytest.raises(NotPossible, match="ego") as caught:
         meant(apply, word)
     assert "set_goal" in caught.value.next_step
@@ -135,7 +135,7 @@ def test_naming_no_vehicle_and_only_exclusions_are_refused(apply: Apply) -> None
 
 
 def test_new_refers_to_an_earlier_edit_that_adds(apply: Apply) -> None:
-    with pytest.raises(UnknownName, match="of the same call"):
+    with pytest.raises(UnknownName, match="new:K"):
         meant(apply, "new:0")
 
 
@@ -147,7 +147,7 @@ def test_two_that_fit_alike_are_refused_with_both(apply: Apply, word: str) -> No
     assert caught.value.valid == ("31 (car)", "32 (car)")
 
 
-def test_the_answer_says_what_a_class_word_was_taken_for(apply: Apply) -> None:
+def test_the_answer_states_the_meaning_of_a_class_word(apply: Apply) -> None:
     edit = {"op": "remove_vehicle", "vehicles": ["one:lorry"]}
     told = apply(edit, builder=town_road().cut(11), dry_run=True).outcome.edits[0].meant
     assert told.startswith("one:lorry ('lorry' read as truck): 33 truck")

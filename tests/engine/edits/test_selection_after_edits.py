@@ -79,7 +79,7 @@ def test_a_description_names_leader_and_follower_in_the_lanes_next_to_the_ego(
     builder = replace(road, lanes=(first, *road.lanes[1:], *MERGING)).with_vehicles(TURNING, joining)
     path = builder.write(tmp_path / "beside.xml")
     described = describe(DescribeRequest(path=path, focus=None, detail="vehicles", radius_m=400.0), silent).vehicles
-    said = [one for one in described if one.where.endswith(f"along lanelets: '{word}'")]
+    said = [one for one in described if one.where.endswith(f"(selector {word})")]
     assert tuple(one.vehicle_id for one in said) == meant(apply, words=[word], builder=builder)
     assert "same lane" not in said[0].where
 
@@ -111,7 +111,7 @@ def test_a_vehicle_that_enters_later_is_not_near_at_the_start(apply: Apply) -> N
     assert 101 in meant(apply, near, words=["class:car"])
 
 
-def test_people_on_foot_are_no_lead(apply: Apply) -> None:
+def test_pedestrians_are_not_leaders(apply: Apply) -> None:
     assert meant(apply, WALKER, words=["lead"]) == (31,)
 
 
@@ -122,7 +122,7 @@ def test_an_added_vehicle_that_was_removed_again_is_named_as_removed(apply: Appl
             meant(apply, AHEAD, remove, words=[again])
 
 
-def test_removed_vehicles_are_no_candidates(apply: Apply) -> None:
+def test_removed_vehicles_are_not_candidates(apply: Apply) -> None:
     remove = {"op": "remove_vehicle", "vehicles": ["35"]}
     with pytest.raises(UnknownName, match="no vehicle 36") as unknown:
         meant(apply, remove, words=["36"])
@@ -132,7 +132,7 @@ def test_removed_vehicles_are_no_candidates(apply: Apply) -> None:
     assert ambiguous.value.valid == ("31 (car)", "32 (car)")
 
 
-def test_places_and_lanelets_are_told_by_vehicles_that_were_added(apply: Apply) -> None:
+def test_places_and_lanelets_are_named_by_added_vehicles(apply: Apply) -> None:
     goal = apply(AHEAD | {"lane": "left", "offset_m": 60}, {"op": "set_goal", "to": ["lanelet_of:new:0"]}, dry_run=True)
     assert goal.outcome.edits[1].what.startswith("goal on lanelet 2 ")
     behind = {"op": "add_vehicle", "vehicle_class": "car", "at": "101", "offset_m": -20}
@@ -140,7 +140,7 @@ def test_places_and_lanelets_are_told_by_vehicles_that_were_added(apply: Apply) 
     assert tracks[102].positions[0] == pytest.approx((220.0, -60.0), abs=0.01)
 
 
-def test_a_vehicle_enters_no_faster_than_it_can_brake_for_one_that_was_added(apply: Apply) -> None:
+def test_a_vehicle_enters_slowly_enough_to_brake_for_an_added_one(apply: Apply) -> None:
     builder = SHORT.with_vehicles(driving(31, (10, 7), 9.0, 31))
     standing = {"op": "add_vehicle", "vehicle_class": "car", "at": "11", "position": "80m", "speed": "0m/s"}
     behind = {"op": "add_vehicle", "vehicle_class": "car", "at": "11", "position": "72m"}

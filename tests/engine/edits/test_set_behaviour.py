@@ -25,7 +25,7 @@ def test_presets_act_in_their_order(apply: Apply) -> None:
     assert reached["emergency"] > reached["aggressive"] > reached["balanced"] > reached["cautious"] > reached["eco"]
 
 
-def test_of_a_relative_parameter_the_value_that_acts_is_told(apply: Apply) -> None:
+def test_the_effective_value_of_a_relative_parameter_is_reported(apply: Apply) -> None:
     first = {"op": "set_behaviour", "vehicles": ["31"], "params": ["tau=2"]}
     twice = {"op": "set_behaviour", "vehicles": ["31", "32", "33"], "params": ["tau*2", "sigma=0.1"]}
     _, told = apply(first, twice).outcome.edits
@@ -100,7 +100,7 @@ def test_willingness_to_cooperate_lets_another_vehicle_in(apply: Apply) -> None:
     assert arrives == {0: False, 1: True}
 
 
-def test_a_class_with_a_gap_of_its_own_keeps_it_and_the_report_says_so(apply: Apply) -> None:
+def test_a_class_with_its_own_gap_keeps_it_and_the_report_says_so(apply: Apply) -> None:
     applied = apply({"op": "set_behaviour", "vehicles": ["34"], "preset": "cautious"})
     assert "motorcycle 34 keeps its own minGap of 2 m" in applied.outcome.edits[0].what
     usual = usual_behaviour(vehicle_classes()["motorcycle"])
@@ -121,7 +121,7 @@ def test_parameters_are_set_on_top_of_the_preset() -> None:
     assert dict(behaviour.values) == {**presets()["cautious"], "tau": 2.5, "minGap": 8.0}
 
 
-def test_every_preset_lies_in_the_valid_ranges() -> None:
+def test_every_preset_is_within_the_valid_ranges() -> None:
     for values in presets().values():
         assert list(values) == list(PARAMETERS)
         assert all(PARAMETERS[name].contains(value) for name, value in values.items())

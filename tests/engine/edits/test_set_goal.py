@@ -22,7 +22,7 @@ def goal(applied: Applied) -> object:
 @pytest.mark.parametrize(
     ("position", "x"), [(None, 300.0), ("beginning", 200.0), ("quarter", 225.0), ("0.66", 266.0), ("12m", 212.0)]
 )
-def test_the_goal_lies_where_it_was_asked(apply: Apply, position: str | None, x: float) -> None:
+def test_the_goal_is_at_the_requested_position(apply: Apply, position: str | None, x: float) -> None:
     applied = apply({"op": "set_goal", "to": ["11"], "position": position}, builder=town_road().cut(11))
     region = goal(applied).position
     assert tuple(region.center) == pytest.approx((x, 0.0), abs=0.01)
@@ -30,7 +30,7 @@ def test_the_goal_lies_where_it_was_asked(apply: Apply, position: str | None, x:
 
 
 @pytest.mark.parametrize("position", [None, "59.99990055m"])
-def test_a_goal_at_the_end_of_the_road_lies_on_its_lanelet_as_written(tmp_path: Path, position: str | None) -> None:
+def test_a_goal_at_the_end_of_the_road_stays_on_its_lanelet(tmp_path: Path, position: str | None) -> None:
     start = Problem(start=(20.0, 0.0, 0.0, 10.0), goal=(40.0, 0.0, 8.0, 3.0), steps=(0, 90))
     base = ScenarioBuilder((Lane(1, line((0.0, 0.0), (60.0, 0.0))),), problems=(start,)).write(tmp_path / "base.xml")
     ends_before_its_rounded_end = base.read_text().replace("<x>60.0000</x>", "<x>59.9999006</x>")
@@ -52,7 +52,7 @@ def test_time_and_rectangle_stay_unless_they_are_named(apply: Apply) -> None:
 
 
 @pytest.mark.parametrize(("speed_mps", "too_fast"), [(16.0, True), (6.0, False)])
-def test_a_bend_on_the_way_that_no_car_takes_at_its_speed_is_told(
+def test_a_curve_too_tight_for_the_speed_on_the_route_is_reported(
     apply: Apply, speed_mps: float, too_fast: bool
 ) -> None:
     corner = (
@@ -67,7 +67,7 @@ def test_a_bend_on_the_way_that_no_car_takes_at_its_speed_is_told(
     assert ("16.0 m/s 4 m before a curve of lanelet 3 that allows at most 8" in told["3"]) == too_fast
 
 
-def test_a_bend_behind_the_ego_does_not_count(apply: Apply) -> None:
+def test_a_curve_behind_the_ego_does_not_count(apply: Apply) -> None:
     around = Lane(1, (*arc((0.0, 8.0), 8.0, -math.pi, -math.pi / 2, 21), *line((5.0, 0.0), (120.0, 0.0))))
     start = Problem(start=(20.0, 0.0, 0.0, 20.0), goal=(60.0, 0.0, 8.0, 3.0), steps=(10, 60))
     applied = apply({"op": "set_goal", "to": ["1"]}, builder=ScenarioBuilder((around,), problems=(start,)))
@@ -105,8 +105,8 @@ def test_a_place_behind_the_ego_is_refused(apply: Apply) -> None:
         apply({"op": "set_goal", "to": ["1"], "position": "beginning"})
 
 
-def test_a_time_that_no_car_makes_is_refused_with_one_that_works(apply: Apply) -> None:
-    with pytest.raises(NotPossible, match="out of reach of any car") as caught:
+def test_an_impossible_time_is_refused_with_a_possible_one(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="no car that starts at") as caught:
         apply({"op": "set_goal", "to": ["11"], "goal_time": "<=2s"})
     assert "goal_time of at least" in caught.value.valid[0]
 
@@ -123,13 +123,13 @@ def test_a_bad_position_is_refused(apply: Apply, position: str) -> None:
         apply({"op": "set_goal", "to": ["11"], "position": position})
 
 
-def test_without_a_lanelet_those_the_ego_reaches_are_named(apply: Apply) -> None:
+def test_lanelets_within_the_ego_s_reach_are_named_if_none_is_given(apply: Apply) -> None:
     with pytest.raises(InvalidRequest, match="either a lanelet in 'to' or a 'turn'") as caught:
         apply({"op": "set_goal"})
     assert {"11", "13"} <= set(caught.value.valid)
 
 
-def test_of_the_lanelets_near_the_ego_only_those_that_it_reaches_are_named(apply: Apply) -> None:
+def test_of_the_lanelets_near_the_ego_only_reachable_ones_are_named(apply: Apply) -> None:
     apart = (
         Lane(1, line((0.0, 0.0), (100.0, 0.0)), successors=(2,)),
         Lane(2, line((100.0, 0.0), (200.0, 0.0)), predecessors=(1,)),
@@ -149,14 +149,14 @@ def test_of_the_lanelets_near_the_ego_only_those_that_it_reaches_are_named(apply
         ("10.5..20s", "requires 13.0 m/s on average; the recording ends earlier, at 10.0 s"),
     ],
 )
-def test_a_time_that_goes_on_after_the_recording_is_told(apply: Apply, goal_time: str, told: str) -> None:
+def test_a_time_beyond_the_recording_is_reported(apply: Apply, goal_time: str, told: str) -> None:
     edit = {"op": "set_goal", "to": ["11"], "goal_time": goal_time}
     assert apply(edit, builder=town_road().cut(101)).outcome.edits[0].what.endswith(told)
 
 
 def test_a_goal_too_far_for_the_time_it_keeps_is_refused_with_the_shortest_time(apply: Apply) -> None:
     hurried = replace(town_road(), problems=(Problem(steps=(10, 20)),))
-    with pytest.raises(NotPossible, match="out of reach of any car") as caught:
+    with pytest.raises(NotPossible, match="no car that starts at") as caught:
         apply({"op": "set_goal", "to": ["11"]}, builder=hurried)
     assert "goal_time of at least" in str(caught.value.text)
     applied = apply({"op": "set_goal", "to": ["11"], "goal_time": "10..15s"}, builder=hurried)
@@ -183,7 +183,7 @@ AT_FORK = ScenarioBuilder(FORK, problems=(START,))
 
 
 @pytest.mark.parametrize(("turn", "lanelet"), [("left", 3), ("straight", 2)])
-def test_a_goal_lies_on_the_lanelet_that_turns_as_asked(apply: Apply, turn: str, lanelet: int) -> None:
+def test_a_goal_is_on_the_lanelet_of_the_requested_turn(apply: Apply, turn: str, lanelet: int) -> None:
     applied = apply({"op": "set_goal", "turn": turn}, builder=AT_FORK)
     written = read_scenario(applied.xml)
     assert goal_center_lanelets(written.scenario.lanelet_network, written.problem()) == (lanelet,)
@@ -197,6 +197,6 @@ def test_a_turn_that_is_not_there_names_the_branches_for_a_goal(apply: Apply) ->
 
 
 @pytest.mark.parametrize("both", [{}, {"to": ["2"], "turn": "left"}])
-def test_a_goal_takes_a_lanelet_or_a_turn(apply: Apply, both: dict[str, object]) -> None:
+def test_a_goal_needs_a_lanelet_or_a_turn(apply: Apply, both: dict[str, object]) -> None:
     with pytest.raises(InvalidRequest, match="either a lanelet in 'to' or a 'turn'"):
         apply({"op": "set_goal"} | both, builder=AT_FORK)

@@ -40,12 +40,12 @@ def test_an_entry_after_time_0_has_no_form_in_the_schema_and_is_written_with_a_n
     assert any(text.startswith(said) for text in applied.outcome.warnings)
 
 
-def test_those_that_enter_at_one_time_are_told_of_together(apply: Apply) -> None:
+def test_vehicles_that_enter_at_one_time_are_reported_together(apply: Apply) -> None:
     (told,) = apply({"op": "shift_time", "vehicles": ["31", "34"], "time_s": 1}).outcome.warnings
     assert told.startswith("vehicles 31, 34 enter at 1.0 s: ")
 
 
-def test_two_shifts_add_up_and_lose_nothing(apply: Apply) -> None:
+def test_two_shifts_add_up_and_lose_no_states(apply: Apply) -> None:
     applied = apply(ONCOMING | {"time_s": -3}, ONCOMING | {"time_s": 3})
     assert np.array_equal(applied.tracks()[34].positions, applied.base_tracks()[34].positions)
 
@@ -78,7 +78,8 @@ def test_a_vehicle_about_to_collide_is_driven_from_then_on_with_a_note(apply: Ap
     assert (touched.cause, touched.from_time_s) == ("shifted", 0.0)
     assert touched.handover_jump_m is not None
     assert outcome.edits[0].what == (
-        "vehicle 33 1 s earlier than recorded; 33 is driven from 0.0 s: its recording would hit vehicle 32 at 1.8 s"
+        "vehicle 33 moved to 1 s earlier than recorded; 33 is driven from 0.0 s: its recording would hit vehicle 32 at "
+        "1.8 s"
     )
 
 
@@ -135,6 +136,6 @@ def test_an_added_vehicle_is_not_shifted(apply: Apply) -> None:
 
 
 @pytest.mark.parametrize(("time_s", "reason"), [(40.0, "leave nothing"), (0.0, "needs a time_s"), (None, "needs")])
-def test_a_shift_that_leaves_nothing_is_refused(apply: Apply, time_s: float | None, reason: str) -> None:
+def test_a_shift_that_leaves_no_states_is_refused(apply: Apply, time_s: float | None, reason: str) -> None:
     with pytest.raises(InvalidRequest, match=reason):
         apply(ONCOMING | {"time_s": time_s})

@@ -8,7 +8,7 @@ PARKED = {"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "offset_m": 
 ALONE = town_road().with_vehicles(driving(31, (150, 3.5), 10.0, 101))
 
 
-def test_it_stands_to_the_end(apply: Apply) -> None:
+def test_a_standing_vehicle_stands_to_the_end(apply: Apply) -> None:
     applied = apply(PARKED, builder=ALONE)
     (key,) = applied.outcome.edits[0].vehicles
     track = applied.tracks()[key]
@@ -23,7 +23,7 @@ def test_it_stands_to_the_end(apply: Apply) -> None:
         {"op": "change_lane", "vehicles": ["new:0"], "lane": "left"},
     ],
 )
-def test_it_drives_when_another_edit_says_so(apply: Apply, order: dict[str, object]) -> None:
+def test_a_standing_vehicle_drives_after_another_edit(apply: Apply, order: dict[str, object]) -> None:
     applied = apply(PARKED, order, builder=ALONE)
     (key,) = applied.outcome.edits[0].vehicles
     track = applied.tracks()[key]
@@ -32,10 +32,10 @@ def test_it_drives_when_another_edit_says_so(apply: Apply, order: dict[str, obje
         assert track.positions[18] == pytest.approx(track.positions[0], abs=0.1)
 
 
-def test_a_speed_that_is_not_reached_is_not_done_and_its_best_value_is_told(apply: Apply) -> None:
+def test_a_speed_that_is_not_reached_is_not_done_and_its_best_value_is_reported(apply: Apply) -> None:
     report = apply({"op": "set_speed", "vehicles": ["31"], "speed": "30m/s", "time_s": 9.0}, builder=ALONE).outcome
     (achieved,) = report.edits[0].achieved
-    assert report.edits[0].verdict == "not reached"
+    assert report.edits[0].verdict == "off target"
     assert achieved.asked == 30.0
     assert 10.0 <= achieved.value < 20.0
     assert not achieved.reached

@@ -60,7 +60,7 @@ def test_parked_vehicles_and_pedestrians_stay(apply: Apply) -> None:
     assert {"36", "37"}.isdisjoint(applied.changed_elements())
 
 
-def test_a_dry_run_reports_and_writes_nothing(apply: Apply, tmp_path: Path) -> None:
+def test_a_dry_run_reports_and_writes_no_files(apply: Apply, tmp_path: Path) -> None:
     applied = apply(EDITS["B"][0], dry_run=True)
     assert applied.outcome.xml is None
     assert applied.outcome.net is None

@@ -23,14 +23,14 @@ EVERY_KIND = [
 
 
 @pytest.mark.parametrize("edit", EVERY_KIND, ids=lambda edit: edit["op"])
-def test_an_edit_of_ordinary_traffic_warns_of_nothing(apply: Apply, edit: dict[str, Any]) -> None:
+def test_an_edit_of_ordinary_traffic_gives_no_warnings(apply: Apply, edit: dict[str, Any]) -> None:
     outcome = apply(edit, builder=SHORT).outcome
     assert outcome.warnings == ()
     assert outcome.edits[0].done
     assert all(touched.feasible for touched in outcome.touched)
 
 
-def test_unseen_vehicles_are_named_only_where_one_drives(apply: Apply) -> None:
+def test_unseen_vehicles_are_named_only_if_one_drives(apply: Apply) -> None:
     beside = SHORT.with_vehicles(*SHORT.vehicles, OFF_ROAD)
     driven = apply(EVERY_KIND[0], builder=beside).outcome.warnings
     assert driven == ("recorded off the lanelets, so driven vehicles do not see them: 36",)

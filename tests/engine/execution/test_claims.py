@@ -48,7 +48,7 @@ def test_claim_of_a_process_that_runs_is_kept(workspace: Workspace) -> None:
         assert not ours
 
 
-def test_claim_of_a_process_that_is_gone_counts_for_nothing(workspace: Workspace) -> None:
+def test_a_claim_of_an_ended_process_is_ignored(workspace: Workspace) -> None:
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
     enter(workspace, gone.pid, time.time())
@@ -56,7 +56,7 @@ def test_claim_of_a_process_that_is_gone_counts_for_nothing(workspace: Workspace
         assert ours
 
 
-def test_process_id_that_was_given_again_owns_nothing_older_than_its_process(workspace: Workspace) -> None:
+def test_a_reused_process_id_does_not_own_older_claims(workspace: Workspace) -> None:
     assert still_runs(os.getpid(), time.time())
     assert not still_runs(os.getpid(), 1000.0)
     enter(workspace, os.getppid(), 1000.0)

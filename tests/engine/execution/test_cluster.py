@@ -75,7 +75,7 @@ async def test_a_file_is_sent_to_a_worker_once(executor: ClusterExecutor, tmp_pa
     assert executor.sent_files == 1
 
 
-async def test_errors_come_back_as_what_they_are(executor: ClusterExecutor, tmp_path: Path) -> None:
+async def test_errors_keep_their_types(executor: ClusterExecutor, tmp_path: Path) -> None:
     named = Words(text=letter(tmp_path, "text").path)
     with pytest.raises(UnknownName, match="no such thing") as refusal:
         await executor.run(words("refuse"), named)
@@ -88,7 +88,7 @@ async def test_errors_come_back_as_what_they_are(executor: ClusterExecutor, tmp_
     assert (await executor.run(words("tell_pid"), named)).number != os.getpid()
 
 
-async def test_a_file_that_is_gone_is_named(executor: ClusterExecutor, tmp_path: Path) -> None:
+async def test_a_missing_file_is_named(executor: ClusterExecutor, tmp_path: Path) -> None:
     with pytest.raises(ResourceFailure, match=r"letter\.txt cannot be read"):
         await executor.run(words("echo"), Words(text=str(tmp_path / "letter.txt")))
 
@@ -103,13 +103,13 @@ async def test_a_worker_with_other_versions_is_refused(cluster: LocalCluster, tm
             await executor.run(COPY, letter(tmp_path, "text"))
 
 
-async def test_what_cannot_travel_stays_here(executor: ClusterExecutor) -> None:
+async def test_operations_unknown_to_the_cluster_stay_local(executor: ClusterExecutor) -> None:
     stays = Operation("support.worker_operations:tell_environment", Words, Words, timeout_s=60.0)
     answer = await executor.run(stays, Words(text="PLANNERFORGE_RECORDINGS"))
     assert answer.text == "", "a worker of the cluster keeps recordings, this one does not"
 
 
-async def test_a_cluster_that_goes_away_is_told_and_the_work_goes_on_here(
+async def test_a_lost_cluster_is_reported_and_the_work_continues_locally(
     executor: ClusterExecutor, cluster: LocalCluster, tmp_path: Path
 ) -> None:
     await executor.run(COPY, letter(tmp_path, "there"))
@@ -121,7 +121,7 @@ async def test_a_cluster_that_goes_away_is_told_and_the_work_goes_on_here(
     assert executor.capacity == 1
 
 
-async def test_an_address_without_a_scheduler_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_an_address_without_a_scheduler_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(pool_module.PRELOAD, "compute", ())
     limits = Limits(roots=(tmp_path,), worker_count=1)
     async with (

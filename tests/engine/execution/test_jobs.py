@@ -48,7 +48,7 @@ async def wait_for_good(progress: JobProgress) -> None:
     await anyio.sleep_forever()
 
 
-def test_job_is_recorded_with_what_it_says(store: JobStore) -> None:
+def test_a_job_is_recorded_with_its_messages(store: JobStore) -> None:
     job = store.start("batch", RECIPE)[0]
     assert job.job_id == f"job_{RECIPE.digest}"
     assert (job.state, job.share, job.ended, job.remaining_s) == ("running", 0, False, None)
@@ -69,7 +69,7 @@ def test_job_that_ended_stays_as_it_is(store: JobStore) -> None:
     assert found.remaining_s is None
 
 
-def test_attempts_of_one_recipe_have_ids_of_their_own(store: JobStore) -> None:
+def test_attempts_of_one_recipe_have_their_own_ids(store: JobStore) -> None:
     first = store.start("batch", RECIPE)[0]
     store.end(first.job_id, "failed", results=(), error="x")
     second = store.start("batch", RECIPE)[0]
@@ -80,7 +80,7 @@ def test_attempts_of_one_recipe_have_ids_of_their_own(store: JobStore) -> None:
     assert [job.job_id for job in store.newest(5)] == [second.job_id, first.job_id]
 
 
-def test_job_stays_its_owner_s_whoever_joins_it(store: JobStore) -> None:
+def test_a_job_stays_its_owner_s_when_others_join_it(store: JobStore) -> None:
     mine = store.start("batch", RECIPE, "one")[0]
     joined, is_new = store.start("batch", RECIPE, "two")
     without = store.start("batch", OTHER)[0]
@@ -99,7 +99,7 @@ def test_unknown_job_names_the_nearest(store: JobStore) -> None:
     assert caught.value.valid == (job.job_id,)
 
 
-def test_job_of_a_server_that_is_gone_is_interrupted_and_may_start_again(store: JobStore, tmp_path: Path) -> None:
+def test_a_job_of_an_ended_server_is_interrupted_and_may_start_again(store: JobStore, tmp_path: Path) -> None:
     program = (
         "import sys\n"
         "from pathlib import Path\n"
@@ -133,7 +133,7 @@ async def test_work_that_succeeds_is_done_with_its_results(store: JobStore) -> N
     assert told[-1] == 1.0
 
 
-async def test_refusal_fails_the_job_and_keeps_what_was_finished(store: JobStore) -> None:
+async def test_a_refusal_fails_the_job_and_keeps_finished_work(store: JobStore) -> None:
     async def refuse(progress: JobProgress) -> None:
         progress.add_result("run_1")
         raise NotPossible("the lane ends", next_step="take another")
@@ -162,7 +162,7 @@ async def test_defect_fails_the_job_with_an_incident_that_is_logged(
     assert "KeyError: 'secret'" in caplog.text
 
 
-async def test_cancelled_job_stops_and_keeps_what_was_finished(store: JobStore) -> None:
+async def test_a_cancelled_job_stops_and_keeps_finished_work(store: JobStore) -> None:
     async with anyio.create_task_group() as tasks:
         runner = JobRunner(store, tasks)
         job = runner.start("batch", RECIPE, wait_for_good)

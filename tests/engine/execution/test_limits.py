@@ -10,7 +10,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from plannerforge.engine.execution.limits import HeapsGivenBack, Limits
+from plannerforge.engine.execution.limits import Limits, MemoryTrimmer
 from plannerforge.schemas.errors import InvalidRequest, OutsideRoots, UnsafeInput
 
 
@@ -22,9 +22,9 @@ def roots(tmp_path: Path) -> tuple[Path, ...]:
     return folders
 
 
-def test_freed_memory_is_given_back_after_work_but_not_all_the_time() -> None:
+def test_freed_memory_is_returned_after_work_but_not_all_the_time() -> None:
     trims, now_s = [], [0.0]
-    heaps = HeapsGivenBack(lambda: trims.append(now_s[0]), lambda: now_s[0])
+    heaps = MemoryTrimmer(lambda: trims.append(now_s[0]), lambda: now_s[0])
     for moment_s in (1.0, 9.9, 10.0, 10.5, 19.9, 20.0, 300.0):
         now_s[0] = moment_s
         heaps.after_work()
@@ -61,7 +61,7 @@ def test_a_file_that_is_too_large_is_refused_before_it_is_read(roots: tuple[Path
 
 
 @pytest.mark.parametrize("text", ["", "  ", "\t"])
-def test_an_empty_path_names_nothing(roots: tuple[Path, ...], text: str) -> None:
+def test_an_empty_path_is_refused(roots: tuple[Path, ...], text: str) -> None:
     with pytest.raises(InvalidRequest, match="is empty"):
         Limits(roots=roots).allowed_path(text)
 
@@ -118,18 +118,18 @@ def heaps_of_twelve_threads(more: Mapping[str, str]) -> int:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="mallopt is glibc's")
-def test_threads_share_two_heaps_however_many_there_are() -> None:
+def test_any_number_of_threads_shares_two_heaps() -> None:
     assert heaps_of_twelve_threads({}) == 2
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="mallopt is glibc's")
-def test_a_number_of_heaps_in_the_environment_stands() -> None:
+def test_a_number_of_heaps_in_the_environment_is_kept() -> None:
     assert heaps_of_twelve_threads({"MALLOC_ARENA_MAX": "5"}) == 5
     assert heaps_of_twelve_threads({"GLIBC_TUNABLES": "glibc.malloc.arena_max=3"}) == 3
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="prctl is Linux's")
-def test_program_whose_parent_has_gone_before_it_could_watch_it_ends() -> None:
+def test_a_program_ends_if_its_parent_ended_before_it_could_watch_it() -> None:
     program = "import os\nfrom plannerforge.engine.execution import end_with_parent\nend_with_parent({})\nprint('on')"
     alive = subprocess.run([sys.executable, "-c", program.format("os.getppid()")], capture_output=True, check=False)
     assert (alive.returncode, alive.stdout) == (0, b"on\n")
@@ -137,7 +137,7 @@ def test_program_whose_parent_has_gone_before_it_could_watch_it_ends() -> None:
     assert (orphan.returncode, orphan.stdout) == (-signal.SIGKILL, b"")
 
 
-def test_program_that_a_killed_process_started_is_gone_with_it() -> None:
+def test_a_program_ends_with_the_killed_process_that_started_it() -> None:
     program = (
         "import subprocess, sys, time\n"
         "from plannerforge.engine.execution import end_with_parent\n"

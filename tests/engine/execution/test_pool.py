@@ -54,7 +54,7 @@ async def run(
     return await pool.run(operation, Words(text=text, number=number), on_progress=on_progress)
 
 
-async def test_a_worker_that_holds_too_much_between_operations_gives_way(
+async def test_a_worker_with_too_much_memory_between_operations_is_replaced(
     tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(pool_module.PRELOAD, "compute", ())
@@ -66,7 +66,7 @@ async def test_a_worker_that_holds_too_much_between_operations_gives_way(
             assert same or await gone(first)
 
 
-async def test_a_module_in_the_current_folder_takes_no_place_of_another(
+async def test_a_module_in_the_current_folder_replaces_no_other(
     pool: WorkerPool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("json.py", "numpy.py", "plannerforge.py"):
@@ -138,7 +138,7 @@ async def test_started_program_cannot_read_the_orders(pool: WorkerPool) -> None:
 
 
 @pytest.mark.parametrize("variable", ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"])
-async def test_sums_are_made_by_one_thread(pool: WorkerPool, variable: str) -> None:
+async def test_sums_are_computed_by_one_thread(pool: WorkerPool, variable: str) -> None:
     assert (await run(pool, "tell_environment", variable)).text == "1"
 
 
@@ -211,7 +211,7 @@ async def test_memory_beyond_the_limit_is_a_failure_of_that_call_only(pool: Work
     assert (await run(pool, "fill_memory", number=1000)).number == 1000
 
 
-async def test_refusal_comes_back_as_it_was_raised(pool: WorkerPool) -> None:
+async def test_a_refusal_comes_back_unchanged(pool: WorkerPool) -> None:
     with pytest.raises(UnknownName) as caught:
         await run(pool, "refuse")
     assert caught.value.text == "[unknown_name] there is no such thing. Valid: this, that. Next: ask for this."
@@ -268,7 +268,7 @@ async def test_warm_up_starts_the_worker_that_the_first_call_gets(pool: WorkerPo
     assert pool.worker_pids == (pid,)
 
 
-async def test_what_was_imported_to_be_warm_is_left_out_of_later_collections(
+async def test_warm_up_imports_are_left_out_of_later_collections(
     pool: WorkerPool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(pool_module.PRELOAD, "compute", ("json",))
@@ -290,9 +290,7 @@ async def test_closed_pool_leaves_no_process(tmp_path: Path, log: Path, monkeypa
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows environments in /proc")
-async def test_no_token_stands_in_the_environment_of_a_worker(
-    pool: WorkerPool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_worker_s_environment_has_no_token(pool: WorkerPool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PLANNERFORGE_HTTP_TOKENS", "a token of the server")
     monkeypatch.setenv("API_KEY", "of the user")
     assert (await run(pool, "tell_environment", "PLANNERFORGE_HTTP_TOKENS")).text == ""

@@ -29,14 +29,14 @@ async def refuse(word: str) -> None:
     raise NotPossible(word)
 
 
-async def test_function_runs_in_a_thread_and_loop_of_its_own(threads: CallThreads) -> None:
+async def test_a_function_runs_in_its_own_thread_and_loop(threads: CallThreads) -> None:
     own = threading.get_ident()
     first = await threads.run(thread_of_this)
     assert first != own
     assert await threads.run(thread_of_this) == first, "the thread is kept for the next call"
 
 
-async def test_what_a_function_raises_comes_back(threads: CallThreads) -> None:
+async def test_an_exception_of_a_function_comes_back(threads: CallThreads) -> None:
     with pytest.raises(NotPossible, match="the lane ends"):
         await threads.run(refuse, "the lane ends")
 
@@ -70,7 +70,7 @@ async def test_loop_serves_others_while_a_call_blocks_its_thread(threads: CallTh
         assert await threads.run(block)
 
 
-async def test_what_belongs_to_the_home_loop_runs_there(threads: CallThreads) -> None:
+async def test_functions_of_the_home_loop_run_there(threads: CallThreads) -> None:
     home, own = asyncio.get_running_loop(), threading.get_ident()
 
     async def call() -> int:
@@ -80,7 +80,7 @@ async def test_what_belongs_to_the_home_loop_runs_there(threads: CallThreads) ->
     assert await run_in(home, thread_of_this) == own, "the caller's own loop needs no detour"
 
 
-async def test_cancelled_call_ends_there_before_its_caller_goes_on(threads: CallThreads) -> None:
+async def test_a_cancelled_call_ends_before_its_caller_continues(threads: CallThreads) -> None:
     ended: list[str] = []
     begun = anyio.Event()
     home = asyncio.get_running_loop()
@@ -104,7 +104,7 @@ async def test_cancelled_call_ends_there_before_its_caller_goes_on(threads: Call
     assert ended == ["call"]
 
 
-async def test_cancelled_call_cancels_what_it_waits_for_at_home(threads: CallThreads) -> None:
+async def test_a_cancelled_call_cancels_its_work_in_the_home_loop(threads: CallThreads) -> None:
     ended: list[str] = []
     begun = anyio.Event()
     home = asyncio.get_running_loop()

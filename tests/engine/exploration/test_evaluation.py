@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.builders import driving, town_road
+from support.builders import ScenarioBuilder, driving, town_road
 from support.edits import apply_to
 
 from plannerforge.engine.execution.executor import silent
@@ -16,6 +16,7 @@ from plannerforge.schemas.exploration import EncounterSetting
 from plannerforge.schemas.modification import Edit
 from plannerforge.schemas.planning import RunRequest
 from plannerforge.schemas.runs import Traffic
+from plannerforge.schemas.worlds import world_of
 
 ALONE = town_road().with_vehicles(driving(32, (5, 3.5), 6.0, 151))
 LEAD = {"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "offset_m": 20.0, "speed": "10m/s"}
@@ -130,3 +131,33 @@ def test_earlier_edits_of_the_base_come_first(base: Path) -> None:
     with Evaluator(setting_of(base, "keep_lane")) as evaluator:
         both = evaluator.evaluate(edits_of(LEAD, {**LEAD, "offset_m": 40.0}, {**BRAKES, "vehicles": ["new:1"]}))
     assert later == both
+
+
+def test_scripts_without_other_vehicles_move_as_among_others(tmp_path: Path) -> None:
+    walker = {"op": "add_vehicle", "vehicle_class": "pedestrian", "at": "1", "position": "120m", "side": "right"}
+    edits = edits_of({**walker, "speed": "1.5m/s", "when": "gap<=3s"})
+    paths = []
+    for name, vehicles in (("alone", ()), ("far", (driving(34, (280, 7), 5.0, 151, heading_rad=3.14159),))):
+        road = town_road().with_vehicles(*vehicles, driving(32, (5, 3.5), 6.0, 151))
+        with Evaluator(setting_of(road.write(tmp_path / f"{name}.xml"), traffic="reactive")) as evaluator:
+            run = evaluator.driven(edits)[1]
+        assert run is not None
+        walked = next(track for track in run.traffic.moving if track.kind == "pedestrian")
+        paths.append((walked.positions.tolist(), [state.position.tolist() for state in run.states]))
+    alone = ScenarioBuilder(town_road().lanes).write(tmp_path / "empty.xml")
+    with Evaluator(setting_of(alone, traffic="reactive")) as evaluator:
+        run = evaluator.driven(edits)[1]
+    assert run is not None
+    walked = next(track for track in run.traffic.moving if track.kind == "pedestrian")
+    count = min(len(walked.positions), len(paths[0][0]))
+    assert count > 20
+    assert walked.positions[:count].tolist() == paths[0][0][:count] == paths[1][0][:count]
+
+
+def test_what_the_sensors_do_not_report_is_not_braked_for(base: Path) -> None:
+    short = world_of("range_m=8")
+    with Evaluator(setting_of(base)) as evaluator:
+        assert evaluator.evaluate(edits_of(LEAD, BRAKES)).outcome == "safe"
+    with Evaluator(setting_of(base, world=short)) as evaluator:
+        blind = evaluator.evaluate(edits_of(LEAD, BRAKES))
+    assert blind.outcome == "failed_avoidably"

@@ -60,7 +60,7 @@ def test_recorded_and_added_road_users_have_strata_that_the_road_allows(space: S
     assert space.recorded == (33, 34)
     assert {
         "33 changes lane",
-        "34 swerves",
+        "33 swerves",
         "pedestrian crosses from the right",
         "cyclist crosses from the left",
     } <= names

@@ -14,7 +14,7 @@ from plannerforge.engine.traffic.motions import DroppedVehicle, GeneratedVehicle
 from plannerforge.engine.traffic.vehicle_counts import Demand
 from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.engine.vehicles.motion import Motion
-from plannerforge.schemas.generation import ABSENCE_REASONS, AskedEgo, GeneratedScenario, VehicleAbsence
+from plannerforge.schemas.generation import ABSENCE_REASONS, GeneratedScenario, RequestedEgo, VehicleAbsence
 
 DEMAND = Demand({"car": 6, "truck": 2}, {"truck": 2}, {})
 
@@ -29,7 +29,7 @@ def told(
     vehicles: list[GeneratedVehicle], *dropped: DroppedVehicle, demand: Demand = DEMAND, ego: str = "first"
 ) -> set[tuple[str, str, str, int]]:
     traffic = GeneratedTraffic(tuple(vehicles), demand, (), dropped)
-    found = absences_of(AskedEgo.of(ego), DEMAND, traffic, vehicles, stands_in=ego.startswith("index"))
+    found = absences_of(RequestedEgo.of(ego), DEMAND, traffic, vehicles, stands_in=ego.startswith("index"))
     return {(one.fate, one.code, one.vehicle_class, one.count) for one in found}
 
 
@@ -40,7 +40,7 @@ def cars(count: int) -> list[GeneratedVehicle]:
 TRUCKS = [standing("t1", name="truck"), standing("t2", name="truck")]
 
 
-def test_where_all_are_there_nothing_is_told() -> None:
+def test_no_absence_is_reported_if_all_vehicles_are_present() -> None:
     assert told([*cars(6), *TRUCKS]) == set()
 
 
@@ -57,7 +57,7 @@ def test_a_vehicle_with_a_spare_in_its_place_counts_as_replaced() -> None:
     assert told([*cars(6), *TRUCKS], DroppedVehicle(standing("x"), "overlap")) == {("replaced", "overlap", "car", 1)}
 
 
-def test_vehicles_that_a_file_cannot_hold_are_told() -> None:
+def test_vehicles_beyond_a_file_s_limit_are_reported() -> None:
     fewer = Demand({"car": 4, "truck": 2}, {"truck": 2}, {})
     assert told([*cars(4), *TRUCKS], demand=fewer) == {("never_there", "file_too_large", "car", 2)}
 
@@ -66,17 +66,17 @@ def test_vehicles_that_a_file_cannot_hold_are_told() -> None:
     ("ego", "absence"),
     [("index:2", ("replaced", "no_such_goal", "car", 1)), ("type:bicycle", ("replaced", "no_ego_class", "bicycle", 1))],
 )
-def test_an_ego_that_another_vehicle_replaced_is_told(ego: str, absence: tuple[str, str, str, int]) -> None:
+def test_an_ego_that_another_vehicle_replaced_is_reported(ego: str, absence: tuple[str, str, str, int]) -> None:
     assert told([*cars(6), *TRUCKS], ego=ego) == {absence}
 
 
-def test_those_that_overlap_and_those_that_cannot_be_driven_are_told_apart() -> None:
+def test_overlapping_and_undrivable_vehicles_are_distinguished() -> None:
     row = [standing("a", 0), standing("b", 4), standing("c", 8), standing("d", 30, feasible=False)]
     _, dropped = drop_infeasible(row, {})
     assert {(one.vehicle.vehicle_id, one.code) for one in dropped} == {("b", "overlap"), ("d", "not_drivable")}
 
 
-def test_every_code_stands_in_the_docs() -> None:
+def test_every_code_is_in_the_docs() -> None:
     page = (CHECKOUT / "docs" / "generation.md").read_text(encoding="utf-8")
     assert [code for code in ABSENCE_REASONS if f"| `{code}` |" not in page] == []
 
@@ -94,7 +94,7 @@ def test_a_scenario_keeps_why_vehicles_are_missing_and_the_engine_logs_it(
     assert GeneratedScenario.model_validate_json(made.model_dump_json()) == made
 
 
-def test_the_engine_logs_nothing_unless_asked(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_the_engine_does_not_log_unless_requested(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     make("Landmoor", tmp_path, scenario_type="rural")
     assert [record for record in caplog.records if record.name.startswith("plannerforge.engine")] == []
 
@@ -105,6 +105,6 @@ def test_a_record_of_before_is_read(tmp_path: Path) -> None:
     assert GeneratedScenario.model_validate_json(made.model_dump_json()).absences == ()
 
 
-def test_only_those_that_nothing_replaced_are_missing_in_the_words() -> None:
+def test_only_vehicles_without_a_replacement_are_missing_in_the_text() -> None:
     absence = VehicleAbsence(fate="never_there", code="no_room", vehicle_class="car", count=2, reason="full")
     assert absence.in_words() == "2 cars never there (no_room): full"

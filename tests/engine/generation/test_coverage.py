@@ -53,7 +53,7 @@ def carried_out(can_be: Callable[[dict[str, str]], bool]) -> tuple[CoverageRepor
     return report, made, lost
 
 
-def test_an_array_holds_all_pairs_in_few_rows_and_is_always_the_same() -> None:
+def test_an_array_has_all_pairs_in_few_rows_and_is_deterministic() -> None:
     report = asked()
     assert pairs_of(report.rows) == set(report.left)
     assert (report.allowed, report.covered, len(report.left)) == (PAIRS, 0, PAIRS)
@@ -61,7 +61,7 @@ def test_an_array_holds_all_pairs_in_few_rows_and_is_always_the_same() -> None:
     assert asked() == report
 
 
-def test_what_is_covered_is_not_made_again() -> None:
+def test_covered_combinations_are_not_repeated() -> None:
     first = asked().rows
     there = first[: len(first) - 3]
     report = asked(covered=tuple(sorted(pairs_of(there))))
@@ -69,7 +69,7 @@ def test_what_is_covered_is_not_made_again() -> None:
     assert pairs_of((*there, *report.rows)) == pairs_of(first)
 
 
-def test_no_row_holds_what_the_maps_do_not_hold() -> None:
+def test_no_row_has_a_combination_that_the_maps_lack() -> None:
     no_bikes = key(**{"type": "ramp", "class": "bike"})
     report = asked(barred=(no_bikes, key(turn="s")))
     assert not any(set(no_bikes) <= set(enumerate(row)) or row[3] == 2 for row in report.rows)
@@ -77,7 +77,7 @@ def test_no_row_holds_what_the_maps_do_not_hold() -> None:
     assert pairs_of(report.rows) == set(report.left)
 
 
-def test_what_cannot_be_is_found_and_costs_nothing_else() -> None:
+def test_impossible_combinations_are_found_without_further_cost() -> None:
     def can_be(row: dict[str, str]) -> bool:
         return not (row["type"] == "ramp" and row["class"] == "bike") and not (
             row["turn"] == "l" and row["type"] != "town"
@@ -92,7 +92,7 @@ def test_what_cannot_be_is_found_and_costs_nothing_else() -> None:
     assert made < 40
 
 
-def test_what_can_only_be_together_with_what_cannot_be_is_said_too() -> None:
+def test_combinations_that_imply_an_impossible_one_are_reported_too() -> None:
     report, _, _ = carried_out(lambda row: row["class"] != "bike" or row["type"] == "ring")
     missing = {key(**{"type": name, "class": "bike"}) for name in ("ramp", "road", "town")}
     assert set(report.cannot) == missing
@@ -102,7 +102,7 @@ def test_what_can_only_be_together_with_what_cannot_be_is_said_too() -> None:
     assert len(lonely.cannot) == 1 + 2 + 3
 
 
-def test_once_all_is_covered_every_lap_has_other_rows_and_as_many_as_asked() -> None:
+def test_after_full_coverage_every_lap_has_the_requested_number_of_new_rows() -> None:
     everything = tuple(sorted(pairs_of(asked().rows)))
     one, two = (asked(covered=everything, lap=lap, most=20).rows for lap in (1, 2))
     assert pairs_of(one) == pairs_of(two) == set(everything)

@@ -31,7 +31,7 @@ def carried(routes: tuple[RouteFlow, ...], edge: str) -> float:
 
 
 @given(*[st.floats(50, 900)] * 3)
-def test_routes_carry_every_flow_where_counts_agree(straight: float, turning: float, crossing: float) -> None:
+def test_routes_carry_every_flow_if_counts_agree(straight: float, turning: float, crossing: float) -> None:
     entering, leaving = straight + turning, straight
     flows = [RoadFlow(road="1", direction="east", per_h=entering)]
     plan = plan_flows([*flows, RoadFlow(road="2", per_h=crossing)], NET, random.Random(1))
@@ -99,7 +99,7 @@ def test_trips_begin_all_along_the_routes_by_the_vehicles_on_them() -> None:
     assert (counts["2#0", "2#1"] + counts["2#1",]) / 2000 == pytest.approx(0.1, abs=0.03)
 
 
-def test_a_counted_street_of_a_made_scenario_carries_its_flow(tmp_path: Path) -> None:
+def test_a_counted_street_of_a_generated_scenario_carries_its_flow(tmp_path: Path) -> None:
     conditions = TrafficConditions(flows=(RoadFlow(road="Ostallee", per_h=900), RoadFlow(road="Nowhere", per_h=5)))
     scenario = make(
         "Kreiselheim", tmp_path, scenario_type="intersection", streets=(("Ostallee",),), conditions=conditions
@@ -107,5 +107,5 @@ def test_a_counted_street_of_a_made_scenario_carries_its_flow(tmp_path: Path) ->
     counted, missing = (note for note in scenario.notes if "an hour counted" in note)
     assert counted.startswith("Ostallee: 900 vehicles an hour counted, ")
     assert missing == "Nowhere: 5 vehicles an hour counted, but no such road carries cars at this site"
-    assert scenario.density.asked == "counts"
+    assert scenario.density.requested == "counts"
     assert scenario.vehicles_realised == pytest.approx(scenario.vehicles_asked, abs=2)

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ from plannerforge.workflows.generation.making import summarise
         ("Landmoor", "rural", ("motorcycle",)),
     ],
 )
-def test_a_scenario_is_what_was_asked(tmp_path: Path, place: str, kind: str, classes: tuple[str, ...]) -> None:
+def test_a_scenario_matches_its_request(tmp_path: Path, place: str, kind: str, classes: tuple[str, ...]) -> None:
     wish = [VehicleDemand(vehicle_class=name, least=2) for name in classes]
     made = make(place, tmp_path, scenario_type=kind, vehicles=wish)
     assert made.site.scenario_type == kind
@@ -52,7 +53,7 @@ def test_a_scenario_is_what_was_asked(tmp_path: Path, place: str, kind: str, cla
     assert density.at_start_per_lane_km == pytest.approx(made.vehicles_realised / density.lane_km, abs=0.01)
 
 
-def test_a_goal_may_lie_on_a_lanelet_that_a_car_drives_over(tmp_path: Path) -> None:
+def test_a_goal_may_be_on_a_lanelet_that_a_car_drives_over(tmp_path: Path) -> None:
     wish = {"scenario_type": "intersection", "duration_s": 12.0}
     first = make("Fahrhausen", tmp_path, goal="distance_m:40", **wish)
     made = make("Fahrhausen", tmp_path, goal=f"lanelet:{first.ego.goal_lanelet}:middle:8x3", **wish)
@@ -74,7 +75,7 @@ def test_a_goal_on_a_lanelet_that_is_not_there_is_refused(
         make("Fahrhausen", tmp_path, scenario_type="intersection", goal=f"lanelet:{lanelet}")
 
 
-def test_a_goal_on_a_lanelet_where_no_car_drives_names_those_where_some_do(tmp_path: Path) -> None:
+def test_a_goal_on_an_undriven_lanelet_names_driven_ones(tmp_path: Path) -> None:
     made = make("Fahrhausen", tmp_path, scenario_type="intersection")
     network = read_scenario(tmp_path / "scenario.xml").scenario.lanelet_network
     refusals = []
@@ -104,7 +105,7 @@ def test_the_file_is_read_back_with_ego_goal_and_traffic_from_step_0(tmp_path: P
     assert (tmp_path / "scenario.net.xml").is_file()
 
 
-def test_lights_show_what_sumo_shows(tmp_path: Path) -> None:
+def test_lights_match_sumo_s(tmp_path: Path) -> None:
     make("Musterstadt", tmp_path, scenario_type="signalised_intersection")
     network = read_scenario(tmp_path / "scenario.xml").scenario.lanelet_network
     assert network.traffic_lights
@@ -133,7 +134,7 @@ def test_the_same_request_gives_the_same_bytes_under_another_hash_seed(tmp_path:
 
 
 @pytest.mark.parametrize("name", EGO_CLASSES)
-def test_the_ego_is_of_the_asked_class_and_so_is_one_of_the_others(name: str, tmp_path: Path) -> None:
+def test_the_ego_and_one_other_vehicle_have_the_requested_class(name: str, tmp_path: Path) -> None:
     made = make("Fahrhausen", tmp_path, ego=f"type:{name}")
     loaded = read_recorded(tmp_path / "scenario.xml").loaded
     (problem_id,) = loaded.planning_problems.planning_problem_dict
@@ -146,14 +147,14 @@ def test_the_ego_is_of_the_asked_class_and_so_is_one_of_the_others(name: str, tm
 
 
 @pytest.mark.parametrize("name", ["bicycle", "pedestrian"])
-def test_what_no_ego_is_joins_the_traffic_of_a_car_and_a_note_says_so(name: str, tmp_path: Path) -> None:
+def test_a_class_that_no_ego_has_joins_the_traffic_of_a_car_with_a_note(name: str, tmp_path: Path) -> None:
     made = make("Fahrhausen", tmp_path, ego=f"type:{name}")
     assert made.ego.vehicle_class == "car"
     assert made.classes_realised[name] >= 1
     assert any("so it is a car" in note for note in made.notes)
 
 
-def test_what_the_map_does_not_hold_is_refused_with_what_it_does(tmp_path: Path) -> None:
+def test_a_site_that_the_map_lacks_is_refused_with_available_ones(tmp_path: Path) -> None:
     with pytest.raises(NotPossible, match="no roundabout") as caught:
         make("Landmoor", tmp_path, scenario_type="roundabout")
     assert set(caught.value.valid) == {"intersection", "rural"}
@@ -201,7 +202,7 @@ def test_a_real_extract_on_the_left_side(shared_data: Path, tmp_path: Path) -> N
     assert made.checks.centers_on_lanelets > 0.97
 
 
-def test_a_junction_too_large_to_be_drawn_is_made_of_smaller_ones(shared_data: Path, tmp_path: Path) -> None:
+def test_a_junction_too_large_to_draw_consists_of_smaller_ones(shared_data: Path, tmp_path: Path) -> None:
     path = shared_data / "data" / "osm" / "o2s_leeds_cycleway.osm"
     wish = request_for("Fahrhausen", tmp_path, map_path=str(path), country="GBR", scenario_type="urban", seed=0)
     made = generate_scenario(wish, silent)
@@ -223,7 +224,7 @@ def test_every_different_warning_of_netconvert_is_kept(tmp_path: Path, monkeypat
     assert "netconvert" not in told
 
 
-def test_signs_show_the_posted_limits_although_traffic_slows_for_bends(tmp_path: Path) -> None:
+def test_signs_show_the_posted_limits_although_traffic_slows_for_curves(tmp_path: Path) -> None:
     make("Kreiselheim", tmp_path, scenario_type="roundabout")
     network = read_scenario(tmp_path / "scenario.xml").scenario.lanelet_network
     signs = [element for sign in network.traffic_signs for element in sign.traffic_sign_elements]
@@ -248,7 +249,7 @@ def test_a_request_near_its_time_limit_tries_no_further_site(tmp_path: Path, mon
         assert len(tried) == expected
 
 
-def test_after_the_most_rounds_the_best_scenario_is_taken_with_its_faults(
+def test_after_the_most_rounds_the_best_scenario_is_returned_with_its_faults(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rounds: list[int] = []
@@ -266,7 +267,7 @@ def test_after_the_most_rounds_the_best_scenario_is_taken_with_its_faults(
 
 
 @pytest.mark.usefixtures("unknown_sites")
-def test_a_scenario_is_the_same_where_its_site_was_built_for_another_one(tmp_path: Path) -> None:
+def test_a_scenario_is_the_same_if_its_site_was_built_for_another_one(tmp_path: Path) -> None:
     wishes = [{"seed": 1, "density": "high"}, {"seed": 2, "vehicles": (VehicleDemand(vehicle_class="truck"),)}]
 
     def made(folder: Path, wish: dict[str, Any]) -> list[bytes]:
@@ -279,3 +280,13 @@ def test_a_scenario_is_the_same_where_its_site_was_built_for_another_one(tmp_pat
     for wish, before in zip(wishes, one_after_the_other, strict=True):
         site_network.forget_sites()
         assert made(tmp_path / f"alone {wish['seed']}", wish) == before
+
+
+def test_a_fault_of_the_returned_attempt_is_not_repeated_for_dropped_attempts() -> None:
+    scenario = SimpleNamespace(notes=("trucks are missing",))
+    best = SimpleNamespace(faults=("too few cars",), lacks=False, scenario=scenario)
+    other = SimpleNamespace(faults=("too few cars", "vehicles overlap"), lacks=False)
+    refusal = SimpleNamespace(message="trucks are missing")
+    attempts: Any = SimpleNamespace(made=[best, other], refusals=[refusal], lost=[])
+    (note,) = generating._Attempts.notes_besides(attempts, best)  # type: ignore[arg-type]
+    assert note.endswith("vehicles overlap")

@@ -6,13 +6,11 @@ from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation.generator import generate_scenario
 from plannerforge.engine.maps.index import built_in_maps
-from plannerforge.schemas.generation import AskedGoal, GenerationRequest
+from plannerforge.schemas.generation import GenerationRequest, RequestedGoal
 
 
 @pytest.mark.parametrize(("country", "signed"), [("AUS", False), ("ZAM", True)])
-def test_where_no_sign_stands_for_a_limit_the_answer_says_so_and_keeps_it(
-    tmp_path: Path, country: str, signed: bool
-) -> None:
+def test_a_limit_without_a_sign_is_kept_and_reported(tmp_path: Path, country: str, signed: bool) -> None:
     entry = next(entry for entry in built_in_maps() if entry.facts.place == "Landmoor")
     wish = GenerationRequest(
         map_path=str(entry.path),
@@ -24,7 +22,7 @@ def test_where_no_sign_stands_for_a_limit_the_answer_says_so_and_keeps_it(
         density="low",
         duration_s=6.0,
         seed=1,
-        goal=AskedGoal.of("steps:50"),
+        goal=RequestedGoal.of("steps:50"),
         folder=str(tmp_path),
     )
     made = generate_scenario(wish, silent)

@@ -15,7 +15,7 @@ from plannerforge.engine.generation.others import first_of, nearest_at
 from plannerforge.engine.generation.record import with_scripted
 from plannerforge.engine.scenarios import Manoeuvre, read_facts
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.generation import AskedManoeuvre, DensityFacts, GeneratedScenario
+from plannerforge.schemas.generation import DensityFacts, GeneratedScenario, RequestedManoeuvre
 from plannerforge.schemas.modification import ModificationRequest
 from plannerforge.schemas.scenarios import ReadFactsRequest
 from plannerforge.workflows.generation.record import verdicts
@@ -39,7 +39,7 @@ def test_a_crossing_vehicle_is_found_in_the_traffic_the_same_twice(tmp_path: Pat
     assert len({(folder / "scenario.xml").read_bytes() for folder in folders}) == 1
 
 
-def test_a_leader_that_brakes_hard_is_scripted_if_no_traffic_holds_one(tmp_path: Path) -> None:
+def test_a_leader_that_brakes_hard_is_scripted_if_the_traffic_lacks_one(tmp_path: Path) -> None:
     made = make("Neuland", tmp_path, scenario_type="highway", others="lead_brakes_hard:truck", most_rounds=1)
     assert "scripted" in made.others
     assert "lead_brakes_hard:truck" in manoeuvres_in(tmp_path)
@@ -80,14 +80,14 @@ def test_vehicles_are_ranked_by_where_they_are_at_the_egos_start() -> None:
     assert nearest_at(np.zeros(2), 20, tracks) == [1, 3, 2]
 
 
-def test_what_nothing_can_make_is_refused_with_sites_that_hold_it(tmp_path: Path) -> None:
+def test_an_impossible_manoeuvre_is_refused_with_sites_that_have_it(tmp_path: Path) -> None:
     with pytest.raises(NotPossible) as refusal:
         make("Landmoor", tmp_path, scenario_type="rural", others="cut_in", most_rounds=1)
     assert refusal.value.reason == "no_manoeuvre"
     assert "scenario_type=highway" in refusal.value.valid
 
 
-def test_the_search_for_what_nothing_can_make_is_bounded_by_counts(
+def test_the_search_for_an_impossible_manoeuvre_is_bounded_by_counts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     looked: list[int] = []
@@ -119,10 +119,10 @@ def test_vehicles_that_merge_from_an_acceleration_lane_are_found_in_the_traffic(
     assert any(name.startswith("merging:") for name in manoeuvres_in(tmp_path))
 
 
-def test_of_several_the_first_one_by_a_vehicle_of_the_class_counts() -> None:
+def test_of_several_vehicles_the_first_of_the_class_counts() -> None:
     met = (Manoeuvre("cut_in", "truck", 40, 3), Manoeuvre("cut_in", "car", 10, 1), Manoeuvre("cut_in", "truck", 20, 2))
     classes = {1: "car", 2: "trailer", 3: "truck"}
-    found = [first_of(AskedManoeuvre("cut_in", name), met, classes.__getitem__) for name in (None, "truck", "bus")]
+    found = [first_of(RequestedManoeuvre("cut_in", name), met, classes.__getitem__) for name in (None, "truck", "bus")]
     assert [one.obstacle_id if one else None for one in found] == [1, 3, None]
 
 
@@ -137,7 +137,7 @@ def test_a_vehicle_that_the_request_needs_is_not_replaced(tmp_path: Path, monkey
         raise NotPossible("no room")
 
     monkeypatch.setattr(others, "apply_edits", refused)
-    wanted = AskedManoeuvre("crossing", "truck")
+    wanted = RequestedManoeuvre("crossing", "truck")
     ops = []
     for needed in ((), ("car",)):
         tried.clear()

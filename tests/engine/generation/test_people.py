@@ -11,7 +11,7 @@ from benchmarks.maps.people import judge_file
 from plannerforge.engine.commonroad.reader import read_recorded
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation import generate_scenario
-from plannerforge.engine.generation.people import PEOPLE, open_footways, people_wanted
+from plannerforge.engine.generation.people import PEOPLE, open_footways, target_pedestrians
 from plannerforge.engine.generation.site_network import prepare_site
 from plannerforge.engine.generation.sites import fitting_sites
 from plannerforge.engine.maps.map_file import read_map_file
@@ -32,7 +32,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, GeneratedScena
     return folder, make("Musterstadt", folder, scenario_type="intersection", vehicles=wish, duration_s=12.0)
 
 
-def test_people_walk_on_ways_of_their_own_and_meet_no_vehicle(made: tuple[Path, GeneratedScenario]) -> None:
+def test_pedestrians_walk_on_their_own_paths_and_meet_no_vehicle(made: tuple[Path, GeneratedScenario]) -> None:
     folder, scenario = made
     assert scenario.classes_realised["pedestrian"] == 6
     counts = judge_file(folder / "scenario.xml")
@@ -57,7 +57,7 @@ def test_the_answer_tells_guessed_pavements_and_crossings(made: tuple[Path, Gene
     assert any("of 6 pedestrians use a crossing" in note for note in scenario.notes)
 
 
-def test_ways_for_people_are_no_lanes_of_the_network_that_is_read(made: tuple[Path, GeneratedScenario]) -> None:
+def test_footways_are_not_lanes_of_the_network(made: tuple[Path, GeneratedScenario]) -> None:
     folder, scenario = made
     loaded = read_recorded(folder / "scenario.xml").loaded
     kinds = [{kind.value for kind in lanelet.lanelet_type} for lanelet in loaded.footways]
@@ -98,7 +98,7 @@ def test_a_motorway_is_refused_to_people(tmp_path: Path) -> None:
     assert "leave pedestrian out" in str(refused.value.next_step)
 
 
-def test_vehicles_give_way_at_every_crossing_without_lights(tmp_path: Path) -> None:
+def test_vehicles_yield_at_every_crossing_without_lights(tmp_path: Path) -> None:
     request = request_for("Kreiselheim", tmp_path, scenario_type="urban", vehicles=[ON_FOOT])
     osm = read_map_file(Path(request.map_path))
     site = prepare_site(request, osm, fitting_sites(osm, request)[0], tmp_path, silent)
@@ -139,7 +139,7 @@ def test_a_marked_crossing_between_junctions_is_built_once_and_cars_wait(tmp_pat
     assert all(waits[lane][-1 - at] == "1" for lane in lanes if lane != ":2_c0_0")
 
 
-def test_without_people_a_marked_crossing_is_no_junction(tmp_path: Path) -> None:
+def test_without_pedestrians_a_marked_crossing_is_not_a_junction(tmp_path: Path) -> None:
     extract, net = tmp_path / "block.osm", tmp_path / "block.net.xml"
     extract.write_text(BLOCK)
     convert_osm(extract, net, lefthand=False)
@@ -165,7 +165,7 @@ def test_people_of_a_real_extract_cross_between_junctions(shared_data: Path, tmp
     assert counts["on_ways"] >= 0.99 * counts["positions"]
 
 
-def test_drawn_ways_cover_pavements_and_crossings_of_the_net(tmp_path: Path) -> None:
+def test_drawn_footways_cover_pavements_and_crossings_of_the_net(tmp_path: Path) -> None:
     request = request_for("Kreiselheim", tmp_path, scenario_type="roundabout", vehicles=[ON_FOOT])
     osm = read_map_file(Path(request.map_path))
     site = prepare_site(request, osm, fitting_sites(osm, request)[0], tmp_path, silent)
@@ -183,9 +183,9 @@ def test_how_many_people_are_wanted() -> None:
     assert request.people == ON_FOOT
     assert [demand.vehicle_class for demand in request.on_wheels] == ["truck"]
     bare = VehicleDemand(vehicle_class="pedestrian", share=0.0)
-    assert people_wanted(bare, "high", 40) == PEOPLE["high"]
-    assert people_wanted(bare.model_copy(update={"share": 0.25}), "low", 40) == 10
-    assert people_wanted(ON_FOOT, "low", 40) == 6
+    assert target_pedestrians(bare, "high", 40) == PEOPLE["high"]
+    assert target_pedestrians(bare.model_copy(update={"share": 0.25}), "low", 40) == 10
+    assert target_pedestrians(ON_FOOT, "low", 40) == 6
     assert request_for("Musterstadt", Path()).people is None
     assert set(MAPS) >= {"Musterstadt"}
 

@@ -20,7 +20,7 @@ def rows(tmp_path: Path) -> PlanRows:
     return rows
 
 
-def test_refusals_count_from_the_last_row_that_was_made_and_only_beyond_the_cover(rows: PlanRows) -> None:
+def test_refusals_count_from_the_last_generated_row_and_only_beyond_the_cover(rows: PlanRows) -> None:
     states: list[tuple[int, RowState]] = [(0, "made"), (0, "refused"), (1, "refused"), (2, "made"), (3, "refused")]
     counts = []
     for number, (lap, state) in enumerate([*states, (3, "failed"), (4, "refused")]):
@@ -32,7 +32,7 @@ def test_refusals_count_from_the_last_row_that_was_made_and_only_beyond_the_cove
     assert rows.last_lap() == 4
 
 
-def test_levels_are_hopeless_where_all_rows_with_them_were_refused(rows: PlanRows) -> None:
+def test_levels_are_hopeless_if_all_rows_with_them_were_refused(rows: PlanRows) -> None:
     tried: list[tuple[str, tuple[int, int], RowState]] = [
         *[("map_1", (0, 1), "refused")] * 3,
         ("map_1", (0, 0), "made"),
@@ -48,7 +48,7 @@ def test_levels_are_hopeless_where_all_rows_with_them_were_refused(rows: PlanRow
     assert rows.hopeless(3) == {("ramp", "map_1", 1, 1), ("ramp", "map_3", 0, 1)}
 
 
-def test_a_row_that_is_passed_takes_its_turn_and_counts_for_nothing_else(rows: PlanRows) -> None:
+def test_a_skipped_row_takes_its_turn_without_other_effects(rows: PlanRows) -> None:
     rows.add([replace(row(0, 1), state="passed"), row(1, 1)])
     assert (rows.turns(), rows.next_number(), rows.last_lap()) == ({"ramp": 2}, 2, 1)
     assert [planned.number for planned in rows.waiting(5)] == [1]

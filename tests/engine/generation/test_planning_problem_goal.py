@@ -14,13 +14,13 @@ from plannerforge.engine.traffic.motions import GeneratedVehicle
 from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.engine.vehicles.motion import Motion
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.generation import AskedEgo, AskedGoal
+from plannerforge.schemas.generation import RequestedEgo, RequestedGoal
 
 LENGTH_M = 200.0
 
 
 def asked(goal: str, duration_s: float, ego: str = "first") -> TaskSpec:
-    return TaskSpec(AskedGoal.of(goal), AskedEgo.of(ego), duration_s)
+    return TaskSpec(RequestedGoal.of(goal), RequestedEgo.of(ego), duration_s)
 
 
 def road() -> RoadNetwork:
@@ -47,7 +47,7 @@ def car() -> GeneratedVehicle:
         ("lanelet:1:0.5:179x3", 90),
     ],
 )
-def test_a_goal_around_the_start_is_none(goal: str, step: int | None) -> None:
+def test_a_goal_around_the_start_is_not_chosen(goal: str, step: int | None) -> None:
     found = passage(asked(goal, 20.0), car(), road(), 0.1)
     assert (found.step if found else None) == step
 
@@ -55,6 +55,7 @@ def test_a_goal_around_the_start_is_none(goal: str, step: int | None) -> None:
 class WholeRoad:
     """A focus that every way passes."""
 
+    ways = None
     parts = 1
 
     @staticmethod
@@ -76,7 +77,7 @@ def waiting(number: str) -> GeneratedVehicle:
     return replace(car(), vehicle_id=number, motion=Motion(np.tile([50.0, 0.0], (181, 1)), still, still, still))
 
 
-def test_a_car_behind_stands_in_for_one_that_waits() -> None:
+def test_a_car_behind_replaces_a_waiting_one() -> None:
     driving, focus = replace(car(), vehicle_id="driving"), cast("SiteFocus", WholeRoad())
     cars = [driving, waiting("a"), waiting("b"), replace(driving, vehicle_id="later")]
     specs = [asked("steps:50", 20.0, f"index:{index}") for index in (0, 1, 3)]
@@ -97,7 +98,7 @@ def test_a_goal_behind_the_site_is_as_far_as_time_and_cut_allow(duration_s: floa
     assert abs(found.step - step) <= 1
 
 
-def test_a_goal_behind_the_site_is_where_a_car_that_waits_came_to_stand() -> None:
+def test_a_goal_behind_the_site_is_at_a_waiting_car_s_stop() -> None:
     driving = car().motion
     positions = np.concatenate([driving.positions[:100], np.repeat(driving.positions[99:100], 81, axis=0)])
     stops = replace(car(), motion=replace(driving, positions=positions))

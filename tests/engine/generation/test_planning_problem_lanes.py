@@ -11,7 +11,7 @@ from plannerforge.engine.network.road_network import LaneletLookup
 from plannerforge.engine.traffic.motions import GeneratedVehicle
 from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.engine.vehicles.motion import Motion
-from plannerforge.schemas.generation import AskedEgo, AskedGoal
+from plannerforge.schemas.generation import RequestedEgo, RequestedGoal
 
 ALONG_M = np.arange(0.0, 121.0)
 
@@ -67,6 +67,7 @@ def test_a_corner_where_one_lanelet_follows_on_another_counts() -> None:
 class WholeRoad:
     """A focus that every path passes, and leaves behind 60 m."""
 
+    ways = None
     parts = 1
 
     @staticmethod
@@ -103,7 +104,7 @@ def test_a_jog_that_was_driven_slowly_cannot_be_followed_fast() -> None:
 def test_a_task_reports_lanes_that_cannot_be_followed_at_constant_speed() -> None:
     roads, focus = network_of_streets(street(1, road_with_jog(3.0, 3.0))), cast("SiteFocus", WholeRoad())
     through, steps = (
-        choose_task(TaskSpec(AskedGoal.of(goal), AskedEgo(), 18.0), [held_up()], roads, focus, 0.1)
+        choose_task(TaskSpec(RequestedGoal.of(goal), RequestedEgo(), 18.0), [held_up()], roads, focus, 0.1)
         for goal in ("through", "steps:130")
     )
     assert (through.followable, steps.followable) == (False, True)

@@ -40,7 +40,7 @@ def request_at(site: Site) -> GenerationRequest:
     )
 
 
-def test_a_junction_with_a_signal_on_one_arm_gets_lights_and_the_answer_says_so(tmp_path: Path) -> None:
+def test_a_junction_with_a_signal_on_one_arm_gets_lights_and_the_answer_reports_it(tmp_path: Path) -> None:
     osm = crossing_with_a_signal_on_one_arm()
     (site,) = SiteFinder(osm).find("signalised_intersection")
     built = prepare_site(request_at(site), osm, site, tmp_path, silent)
@@ -77,7 +77,7 @@ YARD_M = (
 """The outline of a yard that is mapped as a road: its corners are too near to each other for lanes of a usual width."""
 
 
-def test_a_road_that_no_lanelet_can_follow_is_left_out_and_told(tmp_path: Path) -> None:
+def test_a_road_that_no_lanelet_can_follow_is_left_out_and_reported(tmp_path: Path) -> None:
     crossing = crossing_with_a_signal_on_one_arm()
     metre_deg = 1 / 111_195
     yard = {

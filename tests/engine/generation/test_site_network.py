@@ -19,7 +19,7 @@ from plannerforge.engine.maps.site_search.finder import Site
 from plannerforge.engine.network.road_network import RoadNetwork
 from plannerforge.engine.traffic.demand import lane_km_of
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.generation import AskedGoal, GenerationRequest, ScenarioType, VehicleDemand
+from plannerforge.schemas.generation import GenerationRequest, RequestedGoal, ScenarioType, VehicleDemand
 
 pytestmark = pytest.mark.usefixtures("unknown_sites")
 
@@ -32,7 +32,7 @@ def request_for_fahrhausen(country: str | None = "DEU") -> GenerationRequest:
         country=country,
         attribution="",
         scenario_type="intersection",
-        goal=AskedGoal.of("steps:50"),
+        goal=RequestedGoal.of("steps:50"),
         folder="",
     )
 
@@ -79,7 +79,7 @@ def test_a_site_is_cut_out_wider_for_more_vehicles_than_its_roads_hold(tmp_path:
     )
 
 
-def test_a_site_stays_as_wide_as_usual_where_a_wider_one_is_refused(
+def test_a_site_keeps_its_usual_width_if_a_wider_one_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     build = site_network.build_network
@@ -95,7 +95,7 @@ def test_a_site_stays_as_wide_as_usual_where_a_wider_one_is_refused(
     assert site.notes[-1].endswith(": too many nodes")
 
 
-def test_a_wider_site_that_breaks_a_rule_gives_way_to_the_usual_one(
+def test_a_wider_site_that_breaks_a_rule_is_replaced_by_the_usual_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     judge = site_network.judged
@@ -141,7 +141,7 @@ def test_a_site_with_a_network_that_breaks_a_rule_is_refused_with_the_rule(
 
 
 @pytest.mark.parametrize("kind", ["urban", "intersection", "highway", "any"])
-def test_a_type_that_the_road_classes_leave_out_is_refused_with_what_they_leave(kind: ScenarioType) -> None:
+def test_a_type_excluded_by_the_road_classes_is_refused_with_the_remaining_types(kind: ScenarioType) -> None:
     request = request_for_fahrhausen().model_copy(update={"scenario_type": kind, "road_classes": ("track",)})
     with pytest.raises(NotPossible, match=f"has no .*{'any type' if kind == 'any' else kind}") as caught:
         fitting_sites(read_map_file(Path(request.map_path)), request)
@@ -157,7 +157,7 @@ def refused(folder: Path, **changes: object) -> NotPossible:
     return caught.value
 
 
-def test_where_all_sites_are_lost_the_other_types_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_if_all_sites_are_lost_the_other_types_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(site_network, "why_not_realised", lambda site, net: f"the {site.kind} is lost")
     error = refused(tmp_path)
     assert re.fullmatch(
@@ -189,9 +189,7 @@ def test_lost_sites_use_no_attempts_and_are_named(tmp_path: Path, monkeypatch: p
     assert note.endswith(f"{generator.MOST_SITES + 1 - generator.SHOWN_LOST} more")
 
 
-def test_no_more_sites_are_passed_over_than_takes_a_bounded_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_number_of_skipped_sites_is_bounded_in_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     looked_at: list[Site] = []
 
     def prepared(request: GenerationRequest, osm: OsmMap, site: Site, *rest: Any) -> SiteNetwork:
@@ -234,7 +232,7 @@ def test_a_site_with_only_the_ego_is_refused(tmp_path: Path, monkeypatch: pytest
     assert error.message == "no vehicle but the ego found room on the roads of this site"
 
 
-def test_a_site_that_is_asked_for_again_is_built_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_repeatedly_requested_site_is_built_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built: list[Path] = []
     build = site_network.build_network
 
@@ -251,7 +249,9 @@ def test_a_site_that_is_asked_for_again_is_built_once(tmp_path: Path, monkeypatc
     assert built[1:] == [tmp_path / "c"], "traffic keeps to the other side there"
 
 
-def test_a_refusal_of_a_site_is_told_again_without_building_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_refusal_of_a_site_is_reported_again_without_building_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     tried: list[Path] = []
 
     def refuses(request: Any, osm: Any, site: Any, radius_m: float, folder: Path, *rest: Any) -> SiteNetwork:
@@ -269,7 +269,7 @@ def test_a_refusal_of_a_site_is_told_again_without_building_it(tmp_path: Path, m
     assert {(error.text, error.reason) for error in told} == {(told[0].text, "closed")}
 
 
-def test_of_the_sites_of_a_map_the_last_ones_stay_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_last_sites_of_a_map_stay_cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built: list[str | None] = []
     build = site_network.build_network
 

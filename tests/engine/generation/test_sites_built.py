@@ -37,7 +37,7 @@ def two_ramps() -> Sketch:
     return sketch
 
 
-def test_ramps_that_lead_where_the_ego_is_to_go_come_first(tmp_path: Path) -> None:
+def test_ramps_in_the_ego_s_requested_direction_come_first(tmp_path: Path) -> None:
     osm = drawn(tmp_path, two_ramps())
     for turn in ("merge", "exit"):
         for seed in range(4):
@@ -47,7 +47,7 @@ def test_ramps_that_lead_where_the_ego_is_to_go_come_first(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("wish", [{"goal": "through:merge"}, {"others": "merging"}])
-def test_a_merge_at_an_exit_is_refused_as_that_with_a_ramp_that_merges(tmp_path: Path, wish: dict[str, str]) -> None:
+def test_a_merge_at_an_exit_is_refused_and_a_ramp_that_merges_is_proposed(tmp_path: Path, wish: dict[str, str]) -> None:
     osm = drawn(tmp_path, two_ramps())
     refusal = lacking_turn(osm, request_in(tmp_path, scenario_type="ramp", streets=[["Exit Road"]], **wish))
     assert refusal is not None
@@ -58,7 +58,7 @@ def test_a_merge_at_an_exit_is_refused_as_that_with_a_ramp_that_merges(tmp_path:
     assert [site.turns for site in fitting_sites(osm, there)] == [{"merge"}]
 
 
-def test_an_exit_alone_offers_what_it_has(tmp_path: Path) -> None:
+def test_an_exit_alone_offers_its_turns(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     sketch.road([(-600, 0), (0, 0), (600, 0)], "motorway", "", ref="A 1", oneway="yes")
     sketch.road([(0, 0), (300, -90)], "motorway_link", "Exit Road", oneway="yes")
@@ -69,7 +69,7 @@ def test_an_exit_alone_offers_what_it_has(tmp_path: Path) -> None:
     assert caught.value.valid == ("goal=through:exit",)
 
 
-def test_a_site_on_the_streets_that_are_asked_for_comes_before_one_that_they_pass(tmp_path: Path) -> None:
+def test_a_site_on_the_requested_streets_comes_before_one_that_they_pass(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     sketch.road([(-900, 0), (-25, 0), (25, 0), (800, 0), (900, 0)], "primary", "Main Road")
     sketch.road([(-25, 0), (-25, 150)], "residential", "First Road")
@@ -86,7 +86,7 @@ def test_a_site_on_the_streets_that_are_asked_for_comes_before_one_that_they_pas
     assert "do not meet here" in built.notes[0]
 
 
-def test_a_site_outside_the_part_that_is_asked_for_is_offered(tmp_path: Path) -> None:
+def test_a_site_outside_the_requested_part_is_offered(tmp_path: Path) -> None:
     osm = drawn(tmp_path, two_ramps())
     first, _ = sorted(SiteFinder(osm).find("ramp"), key=lambda site: site.longitude)
     west = request_in(tmp_path, scenario_type="ramp", bbox=(49.9, first.longitude - 0.02, 50.1, first.longitude - 0.01))
@@ -98,7 +98,7 @@ def test_a_site_outside_the_part_that_is_asked_for_is_offered(tmp_path: Path) ->
     assert [site.position for site in fitting_sites(osm, there)] == [first.position]
 
 
-def test_streets_that_never_meet_are_told_so_with_those_that_hold_the_type_alone(tmp_path: Path) -> None:
+def test_streets_that_never_meet_are_reported_with_streets_that_have_the_type_alone(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     sketch.road([(-300, 0), (0, 0), (300, 0)], "residential", "North Road")
     sketch.road([(0, 0), (0, 300)], "residential", "Short Road")
@@ -107,7 +107,8 @@ def test_streets_that_never_meet_are_told_so_with_those_that_hold_the_type_alone
     request = request_in(tmp_path, scenario_type="intersection", streets=[["North Road"], ["South Road"]])
     with pytest.raises(NotPossible, match="do not meet") as caught:
         fitting_sites(osm, request)
-    assert [remedy.changes[0].values for remedy in caught.value.remedies] == [{"place": "North Road, Town"}]
+    suggested = [remedy.changes[0].values for remedy in caught.value.remedies]
+    assert suggested == [{"place": "North Road / Short Road, Town"}, {"place": "North Road, Town"}]
 
 
 def test_a_ring_with_too_tight_turns_is_drawn_with_tighter_corners(tmp_path: Path) -> None:

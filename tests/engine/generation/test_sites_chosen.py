@@ -15,7 +15,7 @@ from plannerforge.engine.traffic.motions import GeneratedVehicle
 from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.engine.vehicles.motion import Motion
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.generation import AskedGoal, GenerationRequest
+from plannerforge.schemas.generation import GenerationRequest, RequestedGoal
 
 
 def drawn(folder: Path, sketch: Sketch) -> OsmMap:
@@ -71,7 +71,7 @@ def test_a_type_that_cannot_have_the_goal_is_proposed_without_it(tmp_path: Path)
     sketch = Sketch("Town", 50.0, 8.0)
     sketch.road([(-800, 0), (0, 0), (800, 0)], "motorway", "", ref="A 1", oneway="yes")
     osm = drawn(tmp_path, sketch)
-    goal = AskedGoal.of("through:exit")
+    goal = RequestedGoal.of("through:exit")
     with pytest.raises(NotPossible) as refusal:
         fitting_sites(osm, request(tmp_path, scenario_type="ramp", streets=(("A 1",),), goal=goal))
     assert refusal.value.remedies[0].changes[0].values == {"scenario_type": "highway", "goal": None}
@@ -97,3 +97,24 @@ def test_an_ego_that_starts_or_ends_near_the_named_junction_does_not_pass_it(tmp
     assert passes(-60.0, 30.0)
     assert not passes(25.0, 110.0)
     assert not passes(-110.0, -25.0)
+
+
+def test_a_street_among_houses_without_a_junction_there_is_an_urban_site_of_its_own(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-400, 0), (0, 0), (400, 0)], "residential", "Main Road")
+    sketch.road([(0, 0), (0, 300)], "residential", "Side Road")
+    sketch.road([(1500, 0), (1600, 0), (2500, 0), (3500, 0)], "tertiary", "Long Road")
+    sketch.road([(1600, 80), (1600, 90)], "residential", "")
+    osm = drawn(tmp_path, sketch)
+    (site,) = fitting_sites(osm, request(tmp_path, scenario_type="urban", streets=(("Long Road",),)))
+    assert site.streets == ("Long Road",)
+
+
+def test_names_in_a_list_are_each_the_road_s(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-400, 0), (0, 0), (400, 0)], "secondary", "East Road;West Road")
+    sketch.road([(0, 0), (0, 300)], "residential", "Side Road")
+    osm = drawn(tmp_path, sketch)
+    for name in ("East Road;West Road", "West Road"):
+        streets = ((name,), ("Side Road",))
+        assert fitting_sites(osm, request(tmp_path, scenario_type="intersection", streets=streets))

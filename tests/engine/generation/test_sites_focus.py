@@ -12,7 +12,7 @@ from plannerforge.engine.maps.index import built_in_maps
 from plannerforge.engine.network.lanelet_graph import LaneletGraph
 from plannerforge.engine.network.net_parser import read_net
 from plannerforge.engine.scene.routing import center_line, ego_route
-from plannerforge.schemas.generation import AskedEgo, AskedGoal, GeneratedScenario, GenerationRequest, SiteType
+from plannerforge.schemas.generation import GeneratedScenario, GenerationRequest, RequestedEgo, RequestedGoal, SiteType
 
 
 def generated(folder: Path, place: str, kind: SiteType, *, seed: int = 0, ego: str = "first") -> GeneratedScenario:
@@ -26,9 +26,9 @@ def generated(folder: Path, place: str, kind: SiteType, *, seed: int = 0, ego: s
         scenario_type=kind,
         density="low",
         duration_s=6.0,
-        ego=AskedEgo.of(ego),
+        ego=RequestedEgo.of(ego),
         seed=seed,
-        goal=AskedGoal.of("steps:50"),
+        goal=RequestedGoal.of("steps:50"),
         folder=str(folder),
     )
     return generate_scenario(wish, silent)
@@ -46,7 +46,7 @@ def test_the_ego_of_a_roundabout_drives_on_the_ring(tmp_path: Path, seed: int) -
     assert np.linalg.norm(way[:, None] - ring[None], axis=2).min() < 1.0
 
 
-def test_an_ego_that_passes_nothing_of_the_site_is_told(tmp_path: Path) -> None:
+def test_an_ego_that_misses_the_site_is_reported(tmp_path: Path) -> None:
     told = [
         any("misses the ring" in note for note in found.notes)
         for found in (generated(tmp_path, "Kreiselheim", "roundabout", ego=ego) for ego in ("first", "index:0"))

@@ -30,7 +30,7 @@ def test_more_than_find_room_are_refused_with_the_number_that_does(tmp_path: Pat
 
 
 @pytest.mark.parametrize(("asked_for", "simulations"), [(120, 1), (4, traffic.ATTEMPTS)])
-def test_a_site_that_is_full_is_not_filled_again_but_one_that_lacks_few_is(
+def test_a_full_site_is_not_filled_again_but_one_that_lacks_few_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked_for: int, simulations: int
 ) -> None:
     rounds, made_traffic, filled = list[int](), generator.generate_traffic, list[int]()
@@ -60,7 +60,7 @@ def test_an_ego_is_found_in_a_crowd_of_trucks_as_spare_cars_may_become_it(shared
     assert made.ego.goal_distance_m >= 10
 
 
-def test_as_many_as_found_room_can_be_asked_for(shared_data: Path, tmp_path: Path) -> None:
+def test_as_many_pedestrians_as_found_room_can_be_requested(shared_data: Path, tmp_path: Path) -> None:
     path = shared_data / "data" / "osm" / "planet_10.068_48.135_10.071_48.137.osm"
     small = {"map_path": str(path), "country": "DEU", "duration_s": 20.0, "seed": 0}
     with pytest.raises(NotPossible) as caught:
@@ -106,7 +106,7 @@ def density(lane_km: float, target: float, found: float) -> DensityFacts:
         (density(4, 28, 1.25), Demand({"car": 5}, {"car": 4}, {"car": 4}), 5, "number of cars was limited"),
     ],
 )
-def test_a_missed_density_is_told_with_its_reason(
+def test_a_missed_density_is_reported_with_its_reason(
     facts: DensityFacts, demand: Demand, realised: int, reason: str
 ) -> None:
     told = density_notes(facts, demand, realised)
@@ -118,7 +118,9 @@ def test_a_density_near_its_target_needs_no_words() -> None:
     assert density_notes(density(4, 28, 24), Demand({"car": 96}, {}, {}), 96) == []
 
 
-def test_more_than_a_file_holds_are_made_fewer_and_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_more_vehicles_than_a_file_can_have_are_reduced_and_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(traffic, "MOST_STATES", 600)
     made = make("Musterstadt", tmp_path, density="high", vehicles=[VehicleDemand(vehicle_class="truck", least=3)])
     assert made.vehicles_realised <= 600 / 30
@@ -126,13 +128,13 @@ def test_more_than_a_file_holds_are_made_fewer_and_told(tmp_path: Path, monkeypa
     assert any("600 states of vehicles" in note for note in made.notes)
 
 
-def test_numbers_that_no_file_holds_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_numbers_beyond_a_file_s_limit_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(traffic, "MOST_STATES", 600)
     with pytest.raises(NotPossible, match="too large"):
         make("Kreiselheim", tmp_path, vehicles=[VehicleDemand(vehicle_class="truck", least=40)])
 
 
-def test_a_recording_that_ends_early_is_told(tmp_path: Path) -> None:
+def test_a_recording_that_ends_early_is_reported(tmp_path: Path) -> None:
     made = make("Landmoor", tmp_path, scenario_type="rural", duration_s=120.0)
     cut = [note for note in made.notes if "120 s are recorded" in note]
     assert bool(cut) == (made.recorded_s < 119.8)

@@ -12,7 +12,7 @@ from plannerforge.engine.generation.sites import road_classes
 from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.maps.index import built_in_maps
 from plannerforge.engine.network.net_parser import SumoNet, read_net
-from plannerforge.schemas.generation import AskedGoal, GenerationRequest
+from plannerforge.schemas.generation import GenerationRequest, RequestedGoal
 
 
 def classes_at(net: SumoNet, position: Points) -> frozenset[str]:
@@ -33,7 +33,7 @@ def test_the_ego_of_a_ramp_leaves_or_joins_the_motorway(tmp_path: Path) -> None:
         scenario_type="ramp",
         density="medium",
         duration_s=8.0,
-        goal=AskedGoal.of("steps:75"),
+        goal=RequestedGoal.of("steps:75"),
         seed=3,
         folder=str(tmp_path),
     )

@@ -13,7 +13,7 @@ from support.roads import network_of_streets, street
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation.generator import generate_scenario
-from plannerforge.engine.generation.turning_trips import SiteEdges, routes_through
+from plannerforge.engine.generation.site_ways import SiteWays
 from plannerforge.engine.generation.turns import leads_without_change
 from plannerforge.engine.network.net_parser import read_net
 from plannerforge.engine.network.netconvert import convert_osm
@@ -34,9 +34,7 @@ def turned_deg(folder: Path) -> float:
 
 
 @pytest.mark.parametrize(("turn", "degrees"), [("left", 90.0), ("right", -90.0), ("straight", 0.0)])
-def test_the_ego_goes_where_it_is_asked_to_on_streets_at_right_angles(
-    tmp_path: Path, turn: str, degrees: float
-) -> None:
+def test_the_ego_makes_the_requested_turn_on_streets_at_right_angles(tmp_path: Path, turn: str, degrees: float) -> None:
     made = make("Quadratstadt", tmp_path, scenario_type="intersection", goal=f"through:{turn}", duration_s=15.0, seed=1)
     assert turned_deg(tmp_path) == pytest.approx(degrees, abs=20.0)
     assert made.site.scenario_type == "intersection"
@@ -45,7 +43,7 @@ def test_the_ego_goes_where_it_is_asked_to_on_streets_at_right_angles(
 ONE_CAR = ({"vehicle_class": "car", "least": 1, "most": 1},)
 
 
-def test_a_turn_that_no_drawn_car_makes_is_made_all_the_same_and_again_alike(tmp_path: Path) -> None:
+def test_a_turn_that_no_drawn_car_makes_is_made_reproducibly(tmp_path: Path) -> None:
     folders = [tmp_path / name for name in ("one", "two")]
     for folder in folders:
         folder.mkdir()
@@ -66,7 +64,7 @@ def test_a_refused_turn_comes_with_calls_that_keep_it_first(tmp_path: Path) -> N
     assert (remedies[0], remedies[-1]) == (with_values(duration_s=20), with_values(goal=None, ego=None))
 
 
-def test_every_way_over_a_crossing_is_known_with_its_turn(tmp_path: Path) -> None:
+def test_every_route_over_a_crossing_is_known_with_its_turn(tmp_path: Path) -> None:
     nodes = {"1": (0, 0), "2": (150, 0), "3": (0, 150), "4": (-150, 0), "5": (0, -150)}
     places = [f'<node id="{k}" lat="{y / 111195:.7f}" lon="{x / 111195:.7f}"/>' for k, (x, y) in nodes.items()]
     roads = [
@@ -75,8 +73,7 @@ def test_every_way_over_a_crossing_is_known_with_its_turn(tmp_path: Path) -> Non
     (tmp_path / "site.osm").write_text(f'<osm version="0.6">{"".join([*places, *roads])}</osm>')
     convert_osm(tmp_path / "site.osm", tmp_path / "site.net.xml", lefthand=False)
     net = read_net(tmp_path / "site.net.xml")
-    here = SiteEdges(frozenset({"1"}), frozenset({"1"}))
-    ways = list(routes_through(net, OpenEdges.of(net, "passenger"), here))
+    ways = list(SiteWays(net, frozenset({"1"})).through(OpenEdges.of(net, "passenger")))
     assert Counter(turn for turn, _ in ways) == {"left": 4, "right": 4, "straight": 4}
     assert ("left", ("20", "-50")) in ways
 
@@ -87,7 +84,7 @@ def test_a_turn_alone_chooses_a_type_of_site_that_has_it(tmp_path: Path) -> None
     assert made.site.scenario_type == "ramp"
 
 
-def test_a_turn_that_no_such_site_has_is_refused_with_those_that_it_has(tmp_path: Path) -> None:
+def test_a_turn_that_the_site_lacks_is_refused_with_its_turns(tmp_path: Path) -> None:
     request = request_for("Kreiselheim", tmp_path, scenario_type="roundabout", goal="through:merge")
     with pytest.raises(InvalidRequest, match=r"'merge' at a roundabout site.*through:left"):
         generate_scenario(request, silent)

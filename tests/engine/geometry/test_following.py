@@ -30,7 +30,7 @@ def test_a_track_of_two_laps_has_stations_of_both(offset_m: float) -> None:
     assert offsets == pytest.approx(np.full(len(offsets), offset_m), abs=0.01)
 
 
-def test_the_begin_says_which_of_two_equal_laps_is_meant() -> None:
+def test_the_start_decides_between_two_equal_laps() -> None:
     place = two_laps()[50:60]
     assert project_along(two_laps(), place)[0][0] == pytest.approx(50 * 2 * AROUND_M / 379, abs=0.1)
     second = project_along(two_laps(), place, begin_m=1.4 * AROUND_M)[0]
@@ -54,7 +54,7 @@ def test_on_a_line_that_never_comes_back_it_is_the_nearest_point() -> None:
     assert together[1] == pytest.approx(alone[1], abs=1e-9)
 
 
-def test_a_follower_that_stands_stays_where_it_is() -> None:
+def test_a_standing_follower_stays_in_place() -> None:
     follower = PathFollower(two_laps(), begin_m=AROUND_M + 20.0)
     first = follower.place(two_laps(1.0)[230])
     assert all(follower.place(two_laps(1.0)[230]) == first for _ in range(5))
@@ -67,7 +67,7 @@ def test_a_track_that_leaves_the_line_and_comes_back_is_found_again() -> None:
     assert project_along(line, away)[0] == pytest.approx([0.0, 10.0, 250.0, 290.0])
 
 
-def test_a_line_of_one_segment_and_a_track_without_positions_are_no_trouble() -> None:
+def test_a_line_of_one_segment_and_a_track_without_positions_are_accepted() -> None:
     line = np.array([[0.0, 0.0], [10.0, 0.0]])
     assert project_along(line, np.array([[-3.0, 1.0], [13.0, 1.0]]))[0].tolist() == [0.0, 10.0]
     assert project_along(line, np.empty((0, 2)))[0].shape == (0,)

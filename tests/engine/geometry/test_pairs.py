@@ -17,7 +17,7 @@ def test_all_pairs_that_meet_are_found_once_and_in_order() -> None:
     assert [tuple(pair) for pair in meeting.pairs.tolist()] == expected
 
 
-def test_of_a_crowd_only_so_many_pairs_are_looked_for() -> None:
+def test_only_a_bounded_number_of_pairs_in_a_crowd_is_searched() -> None:
     meeting = meeting_pairs([box(0, 0, 1, 1)] * 400, "intersects")
     assert not meeting.is_whole
     assert len(meeting.pairs) == meeting.most == 50_000

@@ -28,7 +28,7 @@ def overlapping_at(one: BoxTrack, other: BoxTrack, step: int) -> bool:
 
 
 @given(st.lists(POSE, min_size=1, max_size=6), st.lists(POSE, min_size=1, max_size=6), SIZE, SIZE)
-def test_all_steps_at_once_say_what_each_step_says(
+def test_all_steps_at_once_agree_with_each_step(
     poses: list[tuple[float, float, float]],
     others: list[tuple[float, float, float]],
     size: tuple[float, float],

@@ -59,7 +59,7 @@ def test_a_map_without_use_is_refused(tmp_path: Path, content: str | bytes, comp
     ],
     ids=["none", "of zero size", "upside down", "no number", "of the whole world"],
 )
-def test_where_the_header_gives_no_box_the_roads_do(tmp_path: Path, bounds: str) -> None:
+def test_the_roads_give_the_box_if_the_header_lacks_it(tmp_path: Path, bounds: str) -> None:
     facts = read(tmp_path, f"<osm>{bounds}{NODES}{way('primary')}</osm>")
     assert (facts.south, facts.west, facts.north, facts.east) == (48.0, 11.0, 48.001, 11.002)
     assert facts.country == "DEU"
@@ -104,7 +104,7 @@ def test_a_map_of_more_elements_than_are_read_is_refused(tmp_path: Path) -> None
         read_osm(path, replace(LIMITS, elements=1_000))
 
 
-def test_ways_may_stand_before_their_nodes(tmp_path: Path) -> None:
+def test_ways_may_precede_their_nodes(tmp_path: Path) -> None:
     assert read(tmp_path, f"<osm>{way('primary')}{NODES}</osm>").road_km == 0.19
 
 

@@ -11,7 +11,7 @@ from plannerforge.engine.maps.site_roads.cut import cut_map
 
 @settings(max_examples=15, deadline=None)
 @given(north=st.floats(-0.002, 0.002), east=st.floats(-0.003, 0.003), radius=st.floats(40, 300))
-def test_everything_left_lies_within_the_circle(
+def test_all_remaining_elements_are_within_the_circle(
     tmp_path_factory: object, north: float, east: float, radius: float
 ) -> None:
     osm = read_osm(LIBRARY / "quadratstadt.osm")

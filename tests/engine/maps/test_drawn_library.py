@@ -10,13 +10,13 @@ from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.generation import ReadMapRequest
 
 
-def test_the_shipped_maps_are_those_that_the_script_draws(tmp_path: Path) -> None:
+def test_the_packaged_maps_match_the_script_s_output(tmp_path: Path) -> None:
     draw(tmp_path)
     drawn = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     assert drawn == {path.name: path.read_bytes() for path in LIBRARY.iterdir()}
 
 
-def test_the_library_holds_every_type_of_site_in_zamunda() -> None:
+def test_the_library_has_every_type_of_site_in_zamunda() -> None:
     maps = built_in_maps()
     assert len(maps) == len(PLANS)
     held = {kind for entry in maps for kind in entry.facts.sites}
@@ -25,7 +25,7 @@ def test_the_library_holds_every_type_of_site_in_zamunda() -> None:
     assert {entry.facts.attribution for entry in maps} == {"PlannerForge, MIT"}
 
 
-def test_a_foreign_extract_is_openstreetmaps_and_has_no_country_unless_it_says_so(tmp_path: Path) -> None:
+def test_a_foreign_extract_is_openstreetmap_s_and_has_no_country_unless_stated(tmp_path: Path) -> None:
     text = (LIBRARY / "fahrhausen.osm").read_text(encoding="utf-8")
     path = tmp_path / "Some Town.osm"
     path.write_text(text.replace('generator="PlannerForge"', 'generator="x"').replace("addr:country", "note"))
@@ -54,7 +54,7 @@ def test_a_hostile_or_broken_map_is_refused(tmp_path: Path, content: str, compla
         read_map(ReadMapRequest(path=str(path)), silent)
 
 
-def test_real_extracts_hold_the_sites_that_were_seen_in_them(shared_data: Path) -> None:
+def test_real_extracts_have_their_known_sites(shared_data: Path) -> None:
     expected = {
         "ALB_Korce-1.osm": {"roundabout": 1},
         "munich.osm": {"signalised_intersection": 4},

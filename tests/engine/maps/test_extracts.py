@@ -95,7 +95,7 @@ def test_a_site_of_any_place_is_cut_as_out_of_the_whole_file(
         assert roads_within(part, spot, radius_m, folder / "a.osm") == expected, (spot, radius_m)
 
 
-def test_the_sites_of_every_tile_are_those_of_the_whole_file(country: IndexedExtract, whole: OsmMap) -> None:
+def test_the_sites_of_all_tiles_match_those_of_the_whole_file(country: IndexedExtract, whole: OsmMap) -> None:
     assert len({tile_of(*node.position) for node in whole.nodes.values()}) == 8
     finder = SiteFinder(whole)
     everywhere = {(kind, site.osm_id) for kind in finder.kinds() for site in finder.find(kind)}
@@ -104,7 +104,7 @@ def test_the_sites_of_every_tile_are_those_of_the_whole_file(country: IndexedExt
     assert country.facts.sites == finder.kinds()
 
 
-def test_the_facts_of_a_country_count_what_is_in_it(country: IndexedExtract, whole: OsmMap) -> None:
+def test_the_facts_of_a_country_count_its_content(country: IndexedExtract, whole: OsmMap) -> None:
     facts = country.facts
     assert facts.extract is not None
     assert facts.extract.places == 2
@@ -118,7 +118,7 @@ def test_the_facts_of_a_country_count_what_is_in_it(country: IndexedExtract, who
     assert facts.road_km == pytest.approx(length_m / 1000, abs=0.1)
 
 
-def test_a_part_is_found_by_its_town_and_holds_no_other(country: IndexedExtract, tmp_path: Path) -> None:
+def test_a_part_is_found_by_its_town_and_contains_no_other(country: IndexedExtract, tmp_path: Path) -> None:
     found = cut(country, tmp_path, SECOND_TOWN)
     assert found.facts is not None
     assert (found.facts.place, found.label, found.words) == (SECOND_TOWN, f"town {SECOND_TOWN}", "")
@@ -149,7 +149,7 @@ def test_a_street_without_a_town_is_looked_up_by_the_seed(country: IndexedExtrac
     assert west == {5.2, 5.6}
 
 
-def test_a_crossing_lies_in_the_middle_of_its_part(country: IndexedExtract, whole: OsmMap, tmp_path: Path) -> None:
+def test_a_crossing_is_in_the_middle_of_its_part(country: IndexedExtract, whole: OsmMap, tmp_path: Path) -> None:
     named = {way.tags["name"]: way for way in of_town_ways(whole) if "name" in way.tags}
     pairs = [
         (one, other)
@@ -180,12 +180,12 @@ def test_the_country_itself_is_a_site_that_the_seed_draws(country: IndexedExtrac
     assert all(part.words == "" and part.facts and part.facts.sites["intersection"] for part in parts)
 
 
-def test_words_that_mean_nothing_in_the_country_give_no_part(country: IndexedExtract, tmp_path: Path) -> None:
+def test_words_without_meaning_in_the_country_give_no_part(country: IndexedExtract, tmp_path: Path) -> None:
     for place in ("Atlantis", "Uferstraße, Atlantis", "Nowhere Road"):
         assert cut(country, tmp_path, place) == CutOfExtract()
 
 
-def test_an_index_that_is_gone_or_no_index_is_told(country: IndexedExtract, tmp_path: Path) -> None:
+def test_a_missing_or_invalid_index_is_reported(country: IndexedExtract, tmp_path: Path) -> None:
     for content in (None, b"no index at all"):
         path = tmp_path / "extract.sqlite"
         if content is not None:
@@ -219,7 +219,7 @@ index_extract(IndexExtractRequest(path=sys.argv[1], folder=sys.argv[2], map_id="
 @pytest.mark.parametrize(
     ("stage", "times"), [("reading", 1), ("packing", 1), ("packing", 4), ("packing", 8), ("looking", 1)]
 )
-def test_work_that_is_killed_goes_on_to_the_same_index(
+def test_killed_work_continues_to_the_same_index(
     stage: str, times: int, country: IndexedExtract, folder: Path, tmp_path: Path
 ) -> None:
     path = folder / "Country.osm.pbf"
@@ -246,7 +246,7 @@ def content_of(index: str) -> dict[str, list[object]]:
         ("SCHEMA", "max_page_count = 16"),
     ],
 )
-def test_a_full_disk_is_told_and_room_lets_it_go_on(
+def test_a_full_disk_is_reported_and_work_continues_with_room(
     schema: str, limit: str, country: IndexedExtract, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patch:
@@ -270,7 +270,7 @@ except PlannerForgeError as error:
 """
 
 
-def test_no_room_for_positions_is_no_fault_of_the_file(folder: Path, tmp_path: Path) -> None:
+def test_a_lack_of_room_for_positions_is_not_a_fault_of_the_file(folder: Path, tmp_path: Path) -> None:
     path = folder / "Country.osm.pbf"
     told = subprocess.run(
         [sys.executable, "-c", LITTLE_ROOM, str(path), str(tmp_path)], check=True, capture_output=True, text=True
@@ -300,7 +300,7 @@ def with_other_bytes_in_the_tiles(index: Path) -> None:
 @pytest.mark.parametrize(
     "damage", [Path.unlink, without_its_beginning, with_pages_of_noise, with_other_bytes_in_the_tiles]
 )
-def test_a_damaged_index_is_told_and_made_anew(
+def test_a_damaged_index_is_reported_and_rebuilt(
     damage: Callable[[Path], None], country: IndexedExtract, folder: Path, tmp_path: Path
 ) -> None:
     held = indexed(folder / "Country.osm.pbf", tmp_path)
@@ -313,7 +313,7 @@ def test_a_damaged_index_is_told_and_made_anew(
     assert cut(again, tmp_path, SECOND_TOWN).facts is not None
 
 
-def test_an_index_that_is_whole_is_not_made_anew(folder: Path, tmp_path: Path) -> None:
+def test_a_complete_index_is_not_rebuilt(folder: Path, tmp_path: Path) -> None:
     held = indexed(folder / "Country.osm.pbf", tmp_path)
     told: list[str] = []
     request = IndexExtractRequest(path=str(folder / "gone.osm.pbf"), folder=str(tmp_path), map_id="map_country")
@@ -333,7 +333,7 @@ def test_an_extract_under_the_name_of_another_format_is_refused(
 
 
 @pytest.mark.skipif(not Path("/proc/self/smaps").exists(), reason="the system does not list what is mapped")
-def test_pages_that_are_given_back_stay_in_the_file(tmp_path: Path) -> None:
+def test_released_pages_stay_in_the_file(tmp_path: Path) -> None:
     path = tmp_path / "positions"
     path.write_bytes(bytes(4_000_000))
     with path.open("r+b") as file, closing(mmap.mmap(file.fileno(), 0)) as mapped:
@@ -350,10 +350,10 @@ def resident_kb(path: Path) -> int:
     return int(rest.partition("Rss:")[2].split()[0])
 
 
-def test_positions_are_found_again_after_their_pages_were_given_back(
+def test_positions_are_found_again_after_their_pages_were_released(
     country: IndexedExtract, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(indexing, "TOLD_EVERY", 7)
+    monkeypatch.setattr(indexing, "REPORTED_EVERY", 7)
     again = indexed(folder / "Country.osm.pbf", tmp_path)
     assert content_of(again.index) == content_of(country.index)
 

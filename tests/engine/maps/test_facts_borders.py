@@ -3,7 +3,9 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.engine.maps.facts import countries_near
+from plannerforge.engine.maps.facts import countries_near, facts_of
+from plannerforge.engine.maps.osm import OsmMap, OsmNode, OsmWay
+from plannerforge.schemas.generation import ReadMapRequest
 
 
 def around(latitude: float, longitude: float) -> tuple[float, float, float, float]:
@@ -27,7 +29,7 @@ def country_of(bounds: tuple[float, float, float, float]) -> str | None:
         (53.80, -1.55, "GBR"),
     ],
 )
-def test_a_place_inside_a_country_lies_in_it(latitude: float, longitude: float, country: str) -> None:
+def test_a_place_inside_a_country_belongs_to_it(latitude: float, longitude: float, country: str) -> None:
     assert country_of(around(latitude, longitude)) == country
 
 
@@ -36,22 +38,46 @@ def test_a_place_inside_a_country_lies_in_it(latitude: float, longitude: float, 
     [(54.6, 5.2), (47.56, 7.59), (43.94, 12.45), (47.14, 9.52), (42.66, 21.16), (-80.0, 20.0)],
     ids=["sea", "Basel", "San Marino", "Vaduz", "Kosovo", "Antarctica"],
 )
-def test_at_sea_near_a_border_and_where_countries_disagree_nothing_is_guessed(
-    latitude: float, longitude: float
-) -> None:
+def test_at_sea_near_a_border_and_in_disputed_areas_no_country_is_assumed(latitude: float, longitude: float) -> None:
     assert country_of(around(latitude, longitude)) in (None, "ATA")
 
 
-def test_near_a_border_the_countries_there_are_named() -> None:
+def test_near_a_border_its_countries_are_named() -> None:
     assert countries_near(around(47.56, 7.59)) == ("CHE", "DEU", "FRA")
     assert countries_near(around(54.6, 5.2)) == ()
 
 
-def test_a_box_over_two_countries_lies_in_neither() -> None:
+def country_read(bounds: tuple[float, float, float, float], **tags: str) -> str | None:
+    """The country of a map with this box, and with an object of these tags in a corner."""
+    nodes = {1: OsmNode(1, *bounds[:2], tags), 2: OsmNode(2, *bounds[2:], {})}
+    road = OsmWay(3, (1, 2), {"highway": "residential"})
+    return facts_of(OsmMap(nodes, (road,), (), None), ReadMapRequest(path="a.osm", map_id="map_a")).country
+
+
+@pytest.mark.parametrize(
+    ("latitude", "longitude", "city", "country"),
+    [
+        (7.889, -72.4995, "CUCUTA", "COL"),
+        (-25.5745, -54.5775, "Foz do Iguaçu", "BRA"),
+        (49.59, 5.81, "Messancy", "BEL"),
+        (47.557, 7.59, "Basel", "CHE"),
+    ],
+)
+def test_near_a_border_the_settlements_there_decide(latitude: float, longitude: float, city: str, country: str) -> None:
+    assert country_read(around(latitude, longitude), **{"addr:city": city}) == country
+
+
+def test_between_towns_of_two_countries_and_over_both_nothing_is_guessed() -> None:
+    assert country_read(around(31.501, 34.561)) is None
+    assert country_read((45.0, 5.0, 50.0, 12.0)) is None
+    assert country_read((47.5, 7.5, 47.65, 7.75)) is None
+
+
+def test_a_box_over_two_countries_belongs_to_neither() -> None:
     assert country_of((45.0, 5.0, 50.0, 12.0)) is None
 
 
-def test_no_real_extract_is_given_a_wrong_country(shared_data: Path) -> None:
+def test_no_real_extract_gets_a_wrong_country(shared_data: Path) -> None:
     places = json.loads((shared_data / "data" / "osm" / "places.json").read_text(encoding="utf-8"))
     found = {name: (country_of(tuple(entry["bbox"])), entry["country"]) for name, entry in places.items()}
     unknown = [name for name, (country, _) in found.items() if country is None]

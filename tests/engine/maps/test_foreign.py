@@ -33,7 +33,7 @@ def scenario(tmp_path: Path) -> Path:
     return path
 
 
-def test_opendrive_becomes_a_net_and_what_is_lost_is_told(tmp_path: Path) -> None:
+def test_opendrive_becomes_a_net_and_losses_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "low_road.xodr"
     reference = "<geoReference><![CDATA[+proj=utm +zone=32 +ellps=WGS84 +units=m +vunits=m +no_defs]]></geoReference>"
     path.write_text(straight_road(header=reference, x="500000"), encoding="utf-8")
@@ -45,7 +45,7 @@ def test_opendrive_becomes_a_net_and_what_is_lost_is_told(tmp_path: Path) -> Non
     assert "artificial" not in told
 
 
-def test_opendrive_without_a_georeference_lies_at_a_stated_artificial_place(tmp_path: Path) -> None:
+def test_opendrive_without_a_georeference_is_at_a_stated_artificial_place(tmp_path: Path) -> None:
     path = tmp_path / "low_road.xodr"
     path.write_text(straight_road(), encoding="utf-8")
     made = converted(path)
@@ -107,7 +107,7 @@ def test_a_broken_lanelet2_map_is_refused_with_its_reason(tmp_path: Path, text: 
         converted(path)
 
 
-def test_streets_of_openstreetmap_are_not_taken_for_lanelets(tmp_path: Path) -> None:
+def test_streets_of_openstreetmap_do_not_count_as_lanelets(tmp_path: Path) -> None:
     path = tmp_path / "streets.osm"
     path.write_text('<osm><way id="1"><tag k="name" v="lanelet street"/></way></osm>', encoding="utf-8")
     assert foreign_format(path) is None
@@ -125,7 +125,7 @@ def test_a_scenario_as_a_map_keeps_its_lanelets_and_leaves_its_traffic_out(scena
     assert SiteFinder(found).longest_road() is not None
 
 
-def test_a_large_network_is_cut_and_what_refers_to_the_rest_goes(scenario: Path, tmp_path: Path) -> None:
+def test_a_large_network_is_cut_and_references_to_the_rest_are_removed(scenario: Path, tmp_path: Path) -> None:
     found = read_map_file(Path(converted(scenario).path))
     assert isinstance(found, LaneletMap)
     assert found.network is not None
@@ -160,7 +160,7 @@ def test_participants_of_lanelet2_decide_on_the_users_of_a_lanelet(
     assert "truck" not in found
 
 
-def test_lanelets_follow_where_each_line_has_nodes_of_its_own(tmp_path: Path, scenario: Path) -> None:
+def test_lanelets_follow_although_each_line_has_its_own_nodes(tmp_path: Path, scenario: Path) -> None:
     path = lanelet2_of(scenario, tmp_path / "lanes.osm")
     root = etree.parse(path).getroot()
     nodes = {node.get("id"): node for node in root.iterfind("node")}
@@ -175,7 +175,7 @@ def test_lanelets_follow_where_each_line_has_nodes_of_its_own(tmp_path: Path, sc
         assert sorted(made.find_lanelet_by_id(lanelet.lanelet_id).successor) == sorted(lanelet.successor)
 
 
-def test_a_lanelet_that_is_closed_to_all_is_no_way(tmp_path: Path, scenario: Path) -> None:
+def test_a_lanelet_that_is_closed_to_all_is_not_part_of_a_route(tmp_path: Path, scenario: Path) -> None:
     path = lanelet2_of(scenario, tmp_path / "lanes.osm")
     text = path.read_text(encoding="utf-8")
     tag = '<tag k="subtype" v="road"/>'
@@ -186,7 +186,7 @@ def test_a_lanelet_that_is_closed_to_all_is_no_way(tmp_path: Path, scenario: Pat
     assert len(CommonRoadFileReader(told.path).open_lanelet_network().lanelets) == len(known.lanelets) - 1
 
 
-def test_a_lanelet2_map_lies_in_the_country_of_its_position(tmp_path: Path, scenario: Path) -> None:
+def test_a_lanelet2_map_is_in_the_country_of_its_position(tmp_path: Path, scenario: Path) -> None:
     request = ReadMapRequest(path=converted(lanelet2_of(scenario, tmp_path / "lanes.osm")).path, map_id="map_1")
     assert read_map(request, lambda *_: None).country == "DEU"
 

@@ -38,7 +38,7 @@ def test_roads_that_meet_end_to_end_stay_connected(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("rule", ["RHT", "LHT"])
-def test_traffic_drives_on_the_side_that_the_file_says(rule: str, tmp_path: Path) -> None:
+def test_traffic_drives_on_the_side_that_the_file_states(rule: str, tmp_path: Path) -> None:
     net, network = converted(two_roads(rule=rule), tmp_path)
     assert net.lefthand == (rule == "LHT")
     assert network.lost_connections == ()

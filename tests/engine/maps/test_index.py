@@ -11,7 +11,7 @@ def places(**wish: object) -> list[str]:
     return [match.entry.facts.place for match in find_maps(built_in_maps(), **wish)]  # type: ignore[arg-type]
 
 
-def test_a_map_is_found_by_what_people_call_it() -> None:
+def test_a_map_is_found_by_its_everyday_names() -> None:
     assert places(place="kreiselheim") == ["Kreiselheim"]
     assert places(place="map_neuland") == ["Neuland"]
     assert places(place="A901") == ["Neuland"]
@@ -22,11 +22,11 @@ def test_a_map_is_found_by_what_people_call_it() -> None:
     assert places(country="ZAM") == [entry.facts.place for entry in built_in_maps() if entry.facts.country == "ZAM"]
 
 
-def test_maps_that_hold_the_wished_site_come_first() -> None:
+def test_maps_with_the_requested_site_come_first() -> None:
     assert places(scenario_type="roundabout")[0] == "Kreiselheim"
 
 
-def test_streets_are_those_of_the_map() -> None:
+def test_streets_match_those_of_the_map() -> None:
     match = find_maps(built_in_maps(), place="uferstrasse")[0]
     assert match.streets == (("Uferstraße",),)
 
@@ -35,7 +35,7 @@ def test_streets_are_those_of_the_map() -> None:
     "wish",
     [{"place": "Kraiselheim"}, {"place": "Torfweg, Musterstadt"}, {"country": "DEU"}, {"bbox": (0.0, 0.0, 1.0, 1.0)}],
 )
-def test_what_no_map_shows_is_refused_with_what_there_is(wish: dict[str, object]) -> None:
+def test_a_place_without_a_map_is_refused_with_available_ones(wish: dict[str, object]) -> None:
     with pytest.raises(UnknownName) as caught:
         places(**wish)
     assert caught.value.valid
@@ -72,7 +72,7 @@ def test_a_file_is_named_whole(place: str, shown: bool) -> None:
             find_maps([nameless()], place=place)
 
 
-def test_near_a_border_only_the_countries_there_are_believed() -> None:
+def test_near_a_border_only_its_countries_are_accepted() -> None:
     border = nameless(country=None, countries_near=("CHE", "DEU", "FRA"))
     for country in ("CHE", "Germany", None):
         assert find_maps([border], country=country)
@@ -83,7 +83,7 @@ def test_near_a_border_only_the_countries_there_are_believed() -> None:
 
 
 @pytest.mark.parametrize("wish", [{"bbox": (54.0, 6.0, 54.9, 9.0)}, {"country": "FRA"}], ids=["box", "country"])
-def test_a_place_that_box_or_country_contradict_is_said_to_lie_elsewhere(wish: dict[str, object]) -> None:
+def test_a_place_in_conflict_with_box_or_country_is_reported_as_elsewhere(wish: dict[str, object]) -> None:
     elsewhere = nameless(country="FRA", south=54.5, north=54.6, west=7.0, east=7.1)
     with pytest.raises(UnknownName, match="it is elsewhere") as caught:
         find_maps([*built_in_maps(), elsewhere], place="Musterstadt", **wish)  # type: ignore[arg-type]
@@ -139,7 +139,7 @@ def town_with(*streets: str) -> MapEntry:
         ("Ouano Road / Colina Street", (("Ouano Avenue",), ("Colina Street",))),
     ],
 )
-def test_a_road_of_a_crossing_may_be_called_of_another_kind_or_of_none(
+def test_a_road_of_a_crossing_may_have_another_kind_or_no_kind(
     place: str, streets: tuple[tuple[str, ...], ...]
 ) -> None:
     match = find_maps([town_with("Colina Street", "M.C. Briones", "Ouano Avenue")], place=place)[0]
@@ -148,9 +148,62 @@ def test_a_road_of_a_crossing_may_be_called_of_another_kind_or_of_none(
 
 
 @pytest.mark.parametrize("place", ["5th Avenue / Colina Street", "Colina Drive / Ouano Road", "Colina Drive"])
-def test_roads_of_other_kinds_need_one_that_is_called_so_and_numbers_are_no_names(place: str) -> None:
+def test_roads_of_other_kinds_need_one_with_this_kind_and_numbers_are_not_names(place: str) -> None:
     with pytest.raises(UnknownName):
         find_maps([town_with("Colina Street", "5th Street", "Ouano Avenue")], place=place)
+
+
+def crossed(place: str, *streets: str, **facts: object) -> tuple[tuple[str, ...], ...]:
+    entry = nameless(
+        **{"place": "Town", "places": ("Town",), "streets": streets, "refs": (), "road_names": (), **facts}
+    )
+    return find_maps([entry], place=f"{place}, Town")[0].streets
+
+
+@pytest.mark.parametrize(
+    ("place", "streets"),
+    [
+        ("угол Северной и Новороссийской", ("Северная улица", "Новороссийская улица")),
+        ("перекрёсток улицы Северной и проспекта Мира", ("Северная улица", "проспект Мира")),
+        ("róg Marszałkowskiej i Długiej", ("Marszałkowska", "Długa")),
+        ("Vinohradské / Rybné", ("Vinohradská", "Rybná")),
+        ("Mannerheimintien ja Aleksanterinkadun kulma", ("Mannerheimintie", "Aleksanterinkatu")),
+        ("az Andrássy úton és a Rózsa utcán", ("Andrássy út", "Rózsa utca")),
+        ("Brīvības ielas un Lāčplēša ielas stūris", ("Brīvības iela", "Lāčplēša iela")),
+        ("Atatürk Caddesi'nin ve Gül Sokağı'nın kavşağı", ("Atatürk Caddesi", "Gül Sokağı")),
+    ],
+)
+def test_the_roads_of_a_crossing_may_be_in_another_grammatical_form(place: str, streets: tuple[str, str]) -> None:
+    assert crossed(place, *streets, "Other Road") == tuple((name,) for name in streets)
+
+
+def test_another_form_of_a_name_alone_or_of_no_name_on_the_map_is_refused() -> None:
+    for place in ("Северной", "угол Южной и Новороссийской", "Old Pine Street / Rose Street"):
+        with pytest.raises(UnknownName):
+            crossed(place, "Северная улица", "Новороссийская улица", "Park Street", "Rose Street")
+
+
+@pytest.mark.parametrize(
+    "place",
+    ["Main Street / Mill Road intersection", "Junction Main Street/Mill Road", "Main Street and Mill Road corner"],
+)
+def test_words_for_a_crossing_may_be_before_or_behind_its_roads(place: str) -> None:
+    assert crossed(place, "Main Street", "Mill Road") == (("Main Street",), ("Mill Road",))
+
+
+def test_a_street_called_by_a_letter_is_not_dropped_from_a_crossing() -> None:
+    streets = ("Rua D", "Rua E", "Rua L", "Rua")
+    assert crossed("Rua D / Rua E", *streets) == (("Rua D",), ("Rua E",))
+    assert crossed("Rua L", *streets) == (("Rua L",),)
+
+
+def test_a_road_s_other_name_counts_if_another_road_has_exactly_this_name() -> None:
+    streets = ("Rua 1º de Maio", "Rua Primeiro de Maio", "Rua Azul", "6. Cadde", "6. Sokak")
+    of_labour = crossed("Rua Primeiro de Maio", *streets)
+    assert set(of_labour[0]) == {"Rua 1º de Maio", "Rua Primeiro de Maio"}
+    assert crossed("6. Cadde", *streets) == (("6. Cadde",),)
+    both = crossed("Rua Azul", *streets, road_names=(("6. Cadde", "Rua Azul"),))
+    assert set(both[0]) == {"Rua Azul", "6. Cadde"}
 
 
 def test_a_district_that_the_map_does_not_locate_is_the_road_of_its_name() -> None:

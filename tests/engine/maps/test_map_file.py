@@ -14,7 +14,7 @@ from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.engine.maps.map_file import LastMap, read_map_file
 from plannerforge.engine.maps.osm import OsmMap, read_osm
 from plannerforge.schemas.errors import UnsafeInput
-from plannerforge.schemas.generation import AskedGoal, GenerationRequest
+from plannerforge.schemas.generation import GenerationRequest, RequestedGoal
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def test_a_call_of_several_scenarios_reads_its_map_once_and_leaves_it_as_it_is(
         attribution="",
         scenario_type="intersection",
         duration_s=5.0,
-        goal=AskedGoal.of("steps:50"),
+        goal=RequestedGoal.of("steps:50"),
         folder=str(tmp_path / "made"),
     )
     count_sites(request, silent)
@@ -63,7 +63,7 @@ def test_a_changed_file_is_read_again(tmp_path: Path, read: list[Path]) -> None:
     assert len(read) == 2
 
 
-def test_only_the_last_map_is_kept_and_none_after_a_broken_file(tmp_path: Path, read: list[Path]) -> None:
+def test_only_the_last_map_is_cached_and_no_map_after_a_broken_file(tmp_path: Path, read: list[Path]) -> None:
     maps, broken = LastMap(), tmp_path / "broken.osm"
     broken.write_text("<osm>")
     order = [LIBRARY / "fahrhausen.osm", LIBRARY / "landmoor.osm", LIBRARY / "fahrhausen.osm"]
@@ -75,7 +75,7 @@ def test_only_the_last_map_is_kept_and_none_after_a_broken_file(tmp_path: Path, 
     assert read == [*order, broken, order[-1]]
 
 
-def test_a_file_that_is_gone_is_refused() -> None:
+def test_a_missing_file_is_refused() -> None:
     with pytest.raises(UnsafeInput, match=r"gone\.osm cannot be read"):
         LastMap().get(Path("gone.osm"))
 

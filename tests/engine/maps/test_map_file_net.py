@@ -30,12 +30,12 @@ def network(name: str, folder: Path, *, lefthand: bool = False) -> Path:
 
 
 @pytest.mark.parametrize("name", ["kreiselheim", "musterstadt", "neuland", "landmoor"])
-def test_a_network_holds_the_kinds_of_sites_of_the_map_that_it_was_made_from(tmp_path: Path, name: str) -> None:
+def test_a_network_has_the_kinds_of_sites_of_its_source_map(tmp_path: Path, name: str) -> None:
     finder = SiteFinder(read_net_map(network(name, tmp_path)))
     assert finder.kinds().keys() == SiteFinder(read_osm(LIBRARY / f"{name}.osm")).kinds().keys()
 
 
-def test_the_sites_of_a_network_lie_where_those_of_the_map_do(tmp_path: Path) -> None:
+def test_the_sites_of_a_network_are_where_those_of_the_map_are(tmp_path: Path) -> None:
     (found,) = SiteFinder(read_net_map(network("kreiselheim", tmp_path))).find("roundabout")
     (wanted,) = SiteFinder(read_osm(LIBRARY / "kreiselheim.osm")).find("roundabout")
     assert (found.latitude, found.longitude) == pytest.approx((wanted.latitude, wanted.longitude), abs=2e-5)
@@ -98,7 +98,7 @@ def test_a_network_that_was_cut_in_the_middle_is_refused(tmp_path: Path) -> None
         read_map(ReadMapRequest(path=str(path)), silent)
 
 
-def test_a_network_that_lies_nowhere_is_refused_with_what_to_do(tmp_path: Path) -> None:
+def test_a_network_without_a_location_is_refused_with_the_remedy(tmp_path: Path) -> None:
     path = tmp_path / "grid.net.xml"
     program = Path(sumo.SUMO_HOME) / "bin" / "netgenerate"
     subprocess.run([program, "--grid", "--grid.number", "3", "-o", path], check=True, capture_output=True)

@@ -83,7 +83,7 @@ def way(number: int, nodes: tuple[int, ...], values: dict[str, str] | None = Non
     return f'<way id="{number}">{references}{tags((values or {}) | more)}</way>'
 
 
-def test_a_ring_of_links_is_read_and_is_no_roundabout(tmp_path: Path) -> None:
+def test_a_ring_of_links_is_read_and_is_not_a_roundabout(tmp_path: Path) -> None:
     ring = way(1, (1, 2, 3, 1), highway="tertiary_link", junction="roundabout")
     assert "roundabout" not in facts_of(tmp_path, f"<osm>{NODES}{ring}</osm>").sites
 
@@ -108,7 +108,7 @@ def test_a_node_beyond_map_projections_is_left_out(tmp_path: Path, latitude: str
         facts_of(tmp_path, f"<osm>{NODES}{beyond}{polar}</osm>")
 
 
-def test_a_road_where_map_projections_just_hold_is_read(tmp_path: Path) -> None:
+def test_a_road_near_the_limit_of_map_projections_is_read(tmp_path: Path) -> None:
     nodes = (
         '<node id="1" lat="84" lon="11.0"/><node id="2" lat="-80" lon="11.0"/><node id="3" lat="83.999" lon="11.0"/>'
     )
@@ -137,7 +137,7 @@ OVER = (
 )
 
 
-def test_a_way_over_the_antimeridian_is_parted_there(tmp_path: Path) -> None:
+def test_a_way_over_the_antimeridian_is_split_there(tmp_path: Path) -> None:
     path = tmp_path / "fiji.osm"
     path.write_text(f"<osm>{OVER}{way(1, (1, 2, 3, 4), highway='primary', name='Kings Road')}</osm>")
     osm = read_osm(path)
@@ -222,7 +222,7 @@ def test_a_star_of_many_arms_is_refused_before_it_is_built(tmp_path: Path) -> No
         cut_map(star(400, tmp_path), (50.0, 8.0), 200.0, ALL_ROADS, tmp_path / "cut.osm")
 
 
-def test_netconvert_is_not_told_of_a_thousand_lanes(tmp_path: Path) -> None:
+def test_a_thousand_lanes_are_not_passed_to_netconvert(tmp_path: Path) -> None:
     wide = way(1, (1, 2), highway="primary", lanes="1e9", maxspeed="9" * 30, width="1e6", name="A|B")
     usual = {"highway": "primary", "lanes": "3", "maxspeed": "30 mph", "turn:lanes": "left||right"}
     (tmp_path / "some.osm").write_text(f"<osm>{NODES}{wide}{way(2, (1, 3), usual)}</osm>")

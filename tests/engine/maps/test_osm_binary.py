@@ -32,7 +32,7 @@ def written(path: Path, folder: Path) -> Path:
     return Path(write_as_xml(ConvertMapRequest(path=str(path), folder=str(folder)), silent).path)
 
 
-def test_a_binary_extract_holds_the_same_roads_and_sites(binary: Path, tmp_path: Path) -> None:
+def test_a_binary_extract_has_the_same_roads_and_sites(binary: Path, tmp_path: Path) -> None:
     plain = written(binary, tmp_path / "out")
     made, original = read_osm(plain), read_osm(TOWN)
     assert plain.name == "Town.osm"
@@ -55,7 +55,7 @@ def test_a_binary_extract_that_is_cut_off_or_something_else_is_refused(binary: P
 
 
 @pytest.mark.parametrize("limits", [XmlLimits(10**9, 8, elements=2), XmlLimits(1000, 8, elements=10**6)])
-def test_an_extract_that_is_too_large_is_told_and_not_written(
+def test_an_extract_that_is_too_large_is_reported_and_not_written(
     limits: XmlLimits, binary: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(binary_osm, "LIMITS", limits)

@@ -43,11 +43,11 @@ def sides(osm: OsmMap) -> tuple[str, bool]:
         ({"highway": "service"}, ("no", False)),
     ],
 )
-def test_what_tags_say_of_pavements(tags: dict[str, str], expected: tuple[str, bool]) -> None:
+def test_meanings_of_pavement_tags(tags: dict[str, str], expected: tuple[str, bool]) -> None:
     assert sides(street(tags)) == expected
 
 
-def test_pavements_drawn_beside_a_road_are_its_own() -> None:
+def test_pavements_drawn_next_to_a_road_belong_to_it() -> None:
     assert sides(street({}, drawn(3, 4))) == ("left", False)
     assert sides(street({}, drawn(5, 6))) == ("right", False)
     assert sides(street({}, drawn(3, 4), drawn(5, 6))) == ("both", False)
@@ -97,7 +97,7 @@ def test_marked_crossings_between_junctions_are_in_the_middle_of_a_block(osm: Os
     assert ("highway" in found.tags_of_node(osm.nodes[2])) is in_block
 
 
-def test_a_crossing_where_the_cut_ends_is_not_in_the_middle_of_a_block() -> None:
+def test_a_crossing_at_the_end_of_the_cut_is_not_in_the_middle_of_a_block() -> None:
     osm = block(MIDDLE_DEG, {})
     assert find_pavements(osm, osm.ways, (0.0, 0.0), 180.0).mid_block == set()
 

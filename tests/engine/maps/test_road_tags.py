@@ -56,7 +56,7 @@ def test_the_more_special_access_tag_decides(tags: dict[str, str], users: str) -
     assert users_of(tags) == frozenset(users.split())
 
 
-def test_a_road_for_those_with_business_there_is_told_from_a_closed_one() -> None:
+def test_a_road_for_destination_traffic_is_distinguished_from_a_closed_one() -> None:
     assert is_for_access_only({"motor_vehicle": "destination"})
     assert not is_for_access_only({"vehicle": "destination", "motor_vehicle": "yes"})
     assert not is_for_access_only({"access": "private"})
@@ -108,7 +108,7 @@ def test_limits_are_read_as_openstreetmap_documents_them(tags: dict[str, str], k
     assert limit.kmh == pytest.approx(kmh, abs=0.2)
 
 
-def test_a_limit_that_cannot_be_read_is_told() -> None:
+def test_a_limit_that_cannot_be_read_is_reported() -> None:
     limit = limit_of({"highway": "secondary", "maxspeed": "signals"}, GERMANY, urban=True)
     assert (limit.kmh, limit.source, limit.unread) == (50.0, "law", "maxspeed=signals")
 
@@ -120,7 +120,7 @@ def test_a_usual_speed_below_the_law_is_not_called_law() -> None:
     assert (ramp.kmh, ramp.source) == (100.0, "code")
 
 
-def test_without_a_tag_the_law_of_country_and_kind_of_road_holds() -> None:
+def test_without_a_tag_the_law_of_country_and_kind_of_road_applies() -> None:
     table = legal_speeds()
     for country, town, country_road, motorway in (("DE", 50, 100, 130), ("FR", 50, 80, 130), ("PL", 50, 90, 140)):
         kinds = (("secondary", True, town), ("secondary", False, country_road), ("motorway", False, motorway))
@@ -133,7 +133,7 @@ def test_without_a_tag_the_law_of_country_and_kind_of_road_holds() -> None:
     assert britain.kmh == pytest.approx(70 * MPH_KMH, abs=0.1)
 
 
-def test_of_states_with_different_laws_the_most_frequent_limit_is_taken() -> None:
+def test_of_states_with_different_laws_the_most_frequent_limit_applies() -> None:
     anywhere = legal_speeds().find("US", {"highway": "secondary"}, urban=False)
     arizona = legal_speeds().find("US", {"highway": "motorway"}, urban=False, states=("US-AZ",))
     assert anywhere is not None
@@ -201,7 +201,7 @@ def test_every_lane_that_is_drawn_is_wide_enough_for_a_car(
     assert (lanes.width_m, lanes.too_narrow) == (width_m, too_narrow)
 
 
-def test_what_is_closed_to_motor_vehicles_is_no_arm_and_told(tmp_path: Path) -> None:
+def test_a_road_closed_to_motor_vehicles_is_not_an_arm_and_is_reported(tmp_path: Path) -> None:
     osm = read_osm(crossing(tmp_path / "map.osm", {"west": {"motor_vehicle": "no"}, "north": {"access": "private"}}))
     assert SiteFinder(osm).find("intersection") == []
     written, notes = cut(osm, tmp_path)
@@ -209,7 +209,7 @@ def test_what_is_closed_to_motor_vehicles_is_no_arm_and_told(tmp_path: Path) -> 
     assert any("motor_vehicle=no" in note and "access=private" in note for note in notes)
 
 
-def test_a_map_of_closed_roads_is_refused_as_that(tmp_path: Path) -> None:
+def test_a_map_of_closed_roads_is_refused_with_this_reason(tmp_path: Path) -> None:
     with pytest.raises(UnsafeInput, match="access=no"):
         read_osm(crossing(tmp_path / "map.osm", {"all": {"access": "no"}}))
 
@@ -252,7 +252,7 @@ def test_a_road_in_a_marked_settlement_core_is_in_town_even_without_houses(tmp_p
     assert (urban["Main Road"], urban["Far Road"]) == (True, False)
 
 
-def test_each_limit_is_told_with_the_law_that_it_has(tmp_path: Path) -> None:
+def test_each_limit_is_reported_with_its_law(tmp_path: Path) -> None:
     tags = {"all": {"maxspeed": ""}, "west": {"highway": "motorway"}}
     _, told = cut(read_osm(crossing(tmp_path / "town.osm", tags, houses=True)), tmp_path, "KEN")
     law, median = (note for note in told if "without a signed speed limit" in note)

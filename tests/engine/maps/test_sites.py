@@ -38,7 +38,7 @@ def test_a_ramp_is_called_after_the_road_that_its_link_leads_to(tmp_path: Path) 
     assert finder(tmp_path, sketch).find("ramp")[0].streets == ("A 1", "Mill Road")
 
 
-def test_a_ramp_is_called_after_the_road_that_it_lies_at(tmp_path: Path) -> None:
+def test_a_ramp_has_the_name_of_its_road(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     sketch.road([(-500, 0), (0, 0), (500, 0)], "motorway", "", ref="A 1", oneway="yes")
     sketch.road([(0, 0), (200, -60)], "motorway_link", "", oneway="yes")
@@ -47,7 +47,7 @@ def test_a_ramp_is_called_after_the_road_that_it_lies_at(tmp_path: Path) -> None
     assert finder(tmp_path, sketch).find("ramp")[0].streets == ("A 1", "Bridge Road")
 
 
-def test_an_urban_site_lies_at_a_motorway_only_without_other_junctions_and_streets(tmp_path: Path) -> None:
+def test_an_urban_site_is_at_a_motorway_only_without_other_junctions_and_streets(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     sketch.road([(-500, 0), (500, 0)], "motorway", "", ref="A 1", oneway="yes")
     sketch.road([(-200, 60), (0, 60), (200, 60)], "residential", "Motorway Road")
@@ -59,7 +59,7 @@ def test_an_urban_site_lies_at_a_motorway_only_without_other_junctions_and_stree
     assert [site.streets for site in finder(tmp_path, sketch).find("urban")] == [("Main Road", "Quiet Road")]
 
 
-def test_what_road_classes_leave_is_searched(tmp_path: Path) -> None:
+def test_roads_of_the_remaining_classes_are_searched(tmp_path: Path) -> None:
     sketch = crossing("residential")
     sketch.road([(500, -400), (500, 0), (500, 400)], "primary", "Other Road")
     sketch.write(tmp_path / "all.osm")
@@ -73,7 +73,7 @@ def test_a_link_makes_no_crossing(tmp_path: Path) -> None:
     assert "intersection" not in finder(tmp_path, crossing("primary_link")).kinds()
 
 
-def test_a_link_with_a_street_s_name_makes_a_crossing_of_it_and_another(tmp_path: Path) -> None:
+def test_a_link_with_a_street_s_name_makes_a_crossing_with_another_street(tmp_path: Path) -> None:
     sketch = crossing("primary_link")
     sketch.road([(0, 150), (0, 400)], "residential", "Side Road")
     found = finder(tmp_path, sketch)
@@ -84,7 +84,7 @@ def test_a_link_with_a_street_s_name_makes_a_crossing_of_it_and_another(tmp_path
     assert not finder(tmp_path, crossing("primary_link")).find_by_links("intersection")
 
 
-def test_a_trunk_road_makes_a_highway_and_a_ramp_only_where_no_motorway_lies(tmp_path: Path) -> None:
+def test_a_trunk_road_makes_a_highway_and_a_ramp_only_without_a_motorway(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     sketch.road([(-500, 0), (0, 0), (500, 0)], "trunk", "", oneway="yes", maxspeed="100")
     sketch.road([(0, 0), (200, -60)], "trunk_link", "", oneway="yes")
@@ -101,7 +101,7 @@ def test_without_a_signed_limit_a_trunk_road_is_a_highway_if_no_street_meets_it(
     assert "highway" not in finder(tmp_path, sketch).kinds()
 
 
-def test_driveways_make_a_crossing_only_where_no_streets_meet(tmp_path: Path) -> None:
+def test_driveways_make_a_crossing_only_if_no_streets_meet(tmp_path: Path) -> None:
     assert finder(tmp_path, crossing("service")).kinds()["intersection"] == 1
     both = crossing("service")
     both.road([(500, 0), (500, 150)], "residential", "Other Road")
@@ -141,7 +141,7 @@ def test_a_ring_is_found_in_one_way_or_in_several(tmp_path: Path, parts: list[tu
     assert finder(tmp_path, ring(*parts)).kinds()["roundabout"] == 1
 
 
-def test_a_ring_drawn_against_its_direction_is_one(tmp_path: Path) -> None:
+def test_a_ring_drawn_against_its_direction_is_a_roundabout(tmp_path: Path) -> None:
     assert finder(tmp_path, ring((0, 6), (6, 12), oneway="-1")).kinds()["roundabout"] == 1
 
 
@@ -158,16 +158,16 @@ def test_a_ring_drawn_against_its_direction_is_one(tmp_path: Path) -> None:
     ],
     ids=["three quarters", "gap", "one entry", "both directions", "one way in both", "unknown direction", "links"],
 )
-def test_what_no_network_closes_to_a_roundabout_is_none(tmp_path: Path, sketch: Sketch) -> None:
+def test_an_open_ring_is_not_a_roundabout(tmp_path: Path, sketch: Sketch) -> None:
     assert "roundabout" not in finder(tmp_path, sketch).kinds()
 
 
-def test_a_circle_that_no_car_can_drive_is_no_roundabout(tmp_path: Path) -> None:
+def test_a_circle_that_no_car_can_drive_is_not_a_roundabout(tmp_path: Path) -> None:
     assert "roundabout" in finder(tmp_path, ring((0, 12), radius_m=5.0)).kinds()
     assert "roundabout" not in finder(tmp_path, ring((0, 12), radius_m=2.7)).kinds()
 
 
-def test_a_ring_as_long_as_a_town_is_no_roundabout(tmp_path: Path) -> None:
+def test_a_ring_as_long_as_a_town_is_not_a_roundabout(tmp_path: Path) -> None:
     sketch = ring()
     line = [(300 * math.cos(k * math.pi / 6), 300 * math.sin(k * math.pi / 6)) for k in range(13)]
     sketch.road(line, "secondary", "", junction="roundabout")
@@ -176,7 +176,7 @@ def test_a_ring_as_long_as_a_town_is_no_roundabout(tmp_path: Path) -> None:
     assert "roundabout" not in finder(tmp_path, sketch).kinds()
 
 
-def test_where_next_to_no_road_is_there_is_no_site(tmp_path: Path) -> None:
+def test_a_position_without_a_road_next_to_it_gives_no_site(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     sketch.road([(0, 0), (20, 0), (40, 0)], "residential", "Short Road")
     sketch.road([(20, 0), (20, 30)], "residential", "Side Road")
@@ -185,7 +185,7 @@ def test_where_next_to_no_road_is_there_is_no_site(tmp_path: Path) -> None:
     assert finder(tmp_path, sketch).kinds() == {"intersection": 1, "urban": 1}
 
 
-def test_a_street_of_a_few_metres_is_no_urban_site(tmp_path: Path) -> None:
+def test_a_street_of_a_few_metres_is_not_an_urban_site(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     sketch.road([(0, 0), (200, 0)], "residential", "Long Road")
     sketch.road([(0, 500), (10, 500)], "residential", "Short Road")
@@ -210,6 +210,40 @@ def test_a_signal_at_a_junction_or_before_it_is_its_own(tmp_path: Path, x: float
 @pytest.mark.parametrize("x", [20.0, -40.0])
 def test_a_signal_behind_a_junction_or_far_before_it_is_not(tmp_path: Path, x: float) -> None:
     assert "signalised_intersection" not in finder(tmp_path, one_way_with_signal(x, oneway="yes")).kinds()
+
+
+def wide_crossing(*signals: tuple[float, float]) -> Sketch:
+    """Two roads with separate carriageways that cross, with signals at these points of the carriageways."""
+    sketch = Sketch("Town", 50.0, 8.0)
+    points = sorted({-300.0, -10.0, 10.0, 300.0, *(x for x, y in signals if y == -10.0)})
+    sketch.road([(x, -10.0) for x in points], "primary", "Long Road", oneway="yes")
+    sketch.road([(x, 10.0) for x in (300.0, 10.0, -10.0, -300.0)], "primary", "Long Road", oneway="yes")
+    points = sorted({-300.0, -10.0, 10.0, 300.0, *(y for x, y in signals if x == 10.0)})
+    sketch.road([(10.0, y) for y in points], "primary", "Wide Road", oneway="yes")
+    sketch.road([(-10.0, y) for y in (300.0, 10.0, -10.0, -300.0)], "primary", "Wide Road", oneway="yes")
+    for point in signals:
+        sketch.mark(point, highway="traffic_signals")
+    return sketch
+
+
+def test_signals_at_far_stop_lines_of_two_roads_are_the_junction_s(tmp_path: Path) -> None:
+    found = finder(tmp_path, wide_crossing((-50.0, -10.0), (10.0, -45.0))).find("signalised_intersection")
+    assert [site.streets for site in found] == [("Long Road", "Wide Road")]
+    for signals in ([(-50.0, -10.0)], [(50.0, -10.0), (10.0, 45.0)], [(-90.0, -10.0), (10.0, -90.0)]):
+        assert not finder(tmp_path, wide_crossing(*signals)).find("signalised_intersection")
+
+
+def test_a_signal_on_a_slip_road_is_of_the_junction_that_it_leads_to(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-300, 0), (-30, 0), (0, 0), (300, 0)], "primary", "Main Road", oneway="yes")
+    sketch.road([(-30, 0), (-10, -10), (0, 0)], "primary_link", "", oneway="yes")
+    sketch.road([(0, 0), (0, 300)], "primary", "Side Road")
+    sketch.mark((-10, -10), highway="traffic_signals")
+    found = finder(tmp_path, sketch)
+    assert not found.find("signalised_intersection")
+    (site,) = found.find_by_links("signalised_intersection")
+    assert site.by_links
+    assert {"Main Road", "Side Road"} <= set(site.streets)
 
 
 def test_a_signal_near_a_junction_counts_if_traffic_comes_from_there(tmp_path: Path) -> None:
@@ -247,7 +281,7 @@ def test_a_track_makes_no_junction(tmp_path: Path) -> None:
     assert "intersection" not in finder(tmp_path, crossing("track")).kinds()
 
 
-def test_a_light_where_a_road_only_parts_is_no_junction_with_lights(tmp_path: Path) -> None:
+def test_a_light_where_a_road_only_splits_is_not_a_signalised_junction(tmp_path: Path) -> None:
     def lit(*, crossed: bool) -> Sketch:
         sketch = Sketch("Town", 50.0, 8.0)
         sketch.road([(-300, 0), (0, 0), (300, 0)], "secondary", "Main Road", oneway="yes")

@@ -22,7 +22,7 @@ def test_a_packed_map_is_unpacked_under_its_own_name(tmp_path: Path, ending: str
     assert plain.read_bytes() == TOWN
 
 
-def test_a_plain_map_stays_where_it_is(tmp_path: Path) -> None:
+def test_a_plain_map_stays_in_place(tmp_path: Path) -> None:
     assert unpacked(LIBRARY / "fahrhausen.osm", tmp_path) == LIBRARY / "fahrhausen.osm"
     assert list(tmp_path.iterdir()) == []
 
@@ -77,7 +77,7 @@ def test_the_content_tells_the_format_of_a_map(tmp_path: Path, name: str) -> Non
 
 
 @pytest.mark.parametrize("pack", [gzip.compress, bz2.compress])
-def test_a_packed_map_is_told_by_its_first_bytes(tmp_path: Path, pack: object) -> None:
+def test_a_packed_map_is_recognised_by_its_first_bytes(tmp_path: Path, pack: object) -> None:
     path = tmp_path / "town.osm"
     path.write_bytes(pack(TOWN))  # type: ignore[operator]
     folder = tmp_path / "out"

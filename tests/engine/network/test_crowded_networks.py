@@ -30,7 +30,7 @@ def test_a_stack_of_lanelets_is_refused_before_pairs_are_compared(tmp_path: Path
         layout_of(with_problem(stack(tmp_path / "stack.xml", 400)))
 
 
-def test_rules_say_where_they_stopped_comparing(tmp_path: Path) -> None:
+def test_rules_report_where_they_stopped_comparing(tmp_path: Path) -> None:
     found = [one for one in check_file(stack(tmp_path / "stack.xml", 400)).findings if "not compared" in one.message]
     assert [one.rule for one in found] == ["overlapping_lanelets"]
     assert not [one for one in check_file(stack(tmp_path / "few.xml", 100)).findings if "not compared" in one.message]

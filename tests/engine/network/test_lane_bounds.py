@@ -21,7 +21,7 @@ def test_stations_rise_to_the_end_with_no_step_too_long(length: float, parts: in
 
 @settings(max_examples=60, deadline=None)
 @given(radius=st.floats(3, 60), turn=st.floats(0.2, 3.0))
-def test_the_bounds_of_a_bend_enclose_it_without_crossing(radius: float, turn: float) -> None:
+def test_the_bounds_of_a_curve_enclose_it_without_crossing(radius: float, turn: float) -> None:
     angles = np.linspace(0, turn, 20)
     center = radius * np.stack([np.sin(angles), 1 - np.cos(angles)], axis=1)
     left, right = offset(center, 1.6), offset(center, -1.6)

@@ -64,7 +64,7 @@ def test_lanes_of_a_road_have_its_limit_and_type(converted: tuple[SumoNet, RoadN
     assert all(lanelet.types[0] == "urban" and abs(lanelet.speed_mps - 50 / 3.6) < 0.1 for lanelet in main)
 
 
-def test_bends_lower_the_speed_and_no_date_stays_in_the_file(tmp_path: Path) -> None:
+def test_curves_lower_the_speed_and_no_date_stays_in_the_file(tmp_path: Path) -> None:
     path = tmp_path / "a.net.xml"
     convert_osm(LIBRARY / "kreiselheim.osm", path, lefthand=False)
     assert cap_speeds(path) > 0

@@ -35,7 +35,7 @@ def dropped(net_path: Path) -> int:
     return len(build_road_network(read_net(net_path), step_s=0.1, elapsed_s=0.0).dropped_lanes)
 
 
-def test_a_hairpin_is_taken_out_of_the_net_and_netconverts_warnings_are_kept(
+def test_a_hairpin_is_removed_from_the_net_and_netconvert_s_warnings_are_kept(
     net_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def warned(net: Path, connections: Sequence[tuple[str, str, int, int]], scratch: Path) -> tuple[str, ...]:

@@ -30,7 +30,7 @@ def cost_of(steps: Steps, way: tuple[int, ...]) -> int:
 
 
 @given(GRAPHS, st.sampled_from(NODES), st.sampled_from(NODES))
-def test_searches_find_what_trying_all_routes_finds(steps: Steps, start: int, goal: int) -> None:
+def test_searches_agree_with_trying_all_routes(steps: Steps, start: int, goal: int) -> None:
     graph, possible = graph_of(steps), routes(steps, start, goal)
     assert (goal in graph.reachable([start])) == bool(possible)
     cheapest, shortest = graph.cheapest_route([start], [goal]), graph.fewest_steps_route(start, goal)
@@ -56,7 +56,7 @@ def test_of_equal_routes_the_lower_ids_win_in_any_order_of_the_file(order: tuple
     assert graph_of(steps).cheapest_route([0], [3]) == (0, 1, 3)
 
 
-def test_a_change_of_lane_costs_its_length_and_comes_as_lanes_allow() -> None:
+def test_a_change_of_lane_costs_its_length_and_happens_as_lanes_allow() -> None:
     """Two lanes of two lanelets each, 1 → 3 and 2 → 4, beside each other."""
     graph = LaneletGraph(
         length_m=dict.fromkeys((1, 2, 3, 4), 50.0),
@@ -67,6 +67,6 @@ def test_a_change_of_lane_costs_its_length_and_comes_as_lanes_allow() -> None:
     assert graph.shortest_route([1], [4]) == (1, 2, 4)
     assert graph.shortest_route([1, 2], [4]) == (2, 4)
     assert graph.shortest_route([3], [1]) is None
-    assert graph.beside([1]) == {1, 2}
+    assert graph.parallel_lanes([1]) == {1, 2}
     assert graph.reachable([1]) == {1: 0, 2: 1, 3: 1, 4: 2}
     assert 0 < LANE_CHANGE_COST_M < graph.length_m[1]

@@ -28,7 +28,7 @@ def corners(ahead: Points, way: Points, onward: Points) -> Points:
 @given(
     arrive=st.floats(-math.pi, math.pi), leave=st.floats(-2.6, 2.6), span=st.floats(1.0, 40.0), bearing=st.floats(-2, 2)
 )
-def test_a_straight_way_between_two_directions_becomes_a_curve_that_meets_both(
+def test_a_straight_path_between_two_directions_becomes_a_curve_that_meets_both(
     arrive: float, leave: float, span: float, bearing: float
 ) -> None:
     ahead, onward = direction(arrive), direction(arrive + leave)
@@ -43,13 +43,13 @@ def test_a_straight_way_between_two_directions_becomes_a_curve_that_meets_both(
         assert corners(ahead, curve, onward).max() < math.radians(45)
 
 
-def test_a_way_without_corner_and_hook_stays_as_it_is() -> None:
+def test_a_path_without_corner_and_hook_stays_unchanged() -> None:
     angles = np.linspace(0.0, math.pi / 2, 12)
     arc = 8.0 * np.stack([np.sin(angles), 1.0 - np.cos(angles)], axis=1)
     assert smoothest_curve(direction(0.0), arc, direction(math.pi / 2)) is None
 
 
-def test_a_hook_within_a_way_is_spread_over_its_whole_length() -> None:
+def test_a_hook_within_a_path_is_spread_over_its_whole_length() -> None:
     hooked = np.array([[0.0, 0.0], [5.5, 0.0], [5.9, 0.1], [6.0, 0.5], [6.0, 6.0]])
     curve = smoothest_curve(direction(0.0), hooked, direction(math.pi / 2))
     assert curve is not None
@@ -83,7 +83,7 @@ NET = """<net>
 """
 
 
-def test_in_a_net_the_parts_of_a_way_become_one_curve_and_roads_lose_their_folds(tmp_path: Path) -> None:
+def test_in_a_net_the_parts_of_a_path_become_one_curve_and_roads_lose_their_folds(tmp_path: Path) -> None:
     path = tmp_path / "a.net.xml"
     path.write_text(NET, encoding="utf-8")
     assert smooth_junction_lanes(path) == 2

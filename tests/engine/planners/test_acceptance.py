@@ -60,7 +60,7 @@ def feasible_by_the_checker(states: DrivenStates) -> bool:
     return trajectory_feasibility(Trajectory(0, driven), VehicleDynamics.KS(VehicleType.BMW_320i), STEP_S)[0]
 
 
-def test_what_the_vehicle_drives_is_accepted_without_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_vehicle_s_own_motion_is_accepted_without_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
     def search(*_: object) -> bool:
         raise AssertionError("no step is doubtful")
 
@@ -70,13 +70,13 @@ def test_what_the_vehicle_drives_is_accepted_without_a_search(monkeypatch: pytes
 
 @pytest.mark.parametrize("size", [0.001, 0.012, 0.03, 0.3])
 @pytest.mark.parametrize("changed", ["positions", "headings_rad", "speeds_mps", "steering_rad"])
-def test_the_closed_form_says_what_the_checker_says(changed: str, size: float) -> None:
+def test_the_closed_form_agrees_with_the_checker(changed: str, size: float) -> None:
     noise = np.random.default_rng(3).standard_normal(getattr(motion(), changed).shape)
     states = replace(motion(), **{changed: getattr(motion(), changed) + size * noise})
     assert (first_undrivable_step(states, BMW_320I, STEP_S) is None) == feasible_by_the_checker(states)
 
 
-def test_a_motion_that_slides_sideways_is_refused_where_it_does() -> None:
+def test_a_motion_that_slides_sideways_is_refused_at_that_step() -> None:
     aside = np.zeros_like(motion().positions)
     aside[20:, 1] = 0.2
     found = refusal(replace(motion(), positions=motion().positions + aside), PROBLEM.goal, ROAD, BMW_320I, STEP_S)
@@ -136,7 +136,7 @@ def run_of(path: Path, make: Callable[..., object] | None, monkeypatch: pytest.M
     return run_planner(request, silent).record
 
 
-def test_a_goal_by_a_motion_that_no_vehicle_drives_is_no_success(
+def test_a_goal_reached_by_an_infeasible_motion_is_not_a_success(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     near = Problem(goal=(75.0, 0.0, 8.0, 3.0), steps=(20, 60))

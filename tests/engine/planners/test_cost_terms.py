@@ -40,7 +40,7 @@ def straight(speed: float, offset: float = 0.0, target: float | None = 8.0) -> C
 
 
 @pytest.mark.parametrize(("speed", "length"), [(0.0, 0.0), (5.0, 15.0), (12.0, 36.0)])
-def test_path_length_is_the_way_in_three_seconds(speed: float, length: float) -> None:
+def test_path_length_is_the_distance_in_three_seconds(speed: float, length: float) -> None:
     assert OWN_TERMS["path_length"](straight(speed)) == pytest.approx([length])
 
 
@@ -64,7 +64,7 @@ def test_all_thirteen_weights_act_and_the_three_external_ones_do_not() -> None:
     assert not any(weight.acts for weight in tuning.external.values())
 
 
-def test_external_weights_change_nothing_that_is_driven() -> None:
+def test_external_weights_do_not_change_the_driven_motion() -> None:
     scenario = scenario_on(straight_road(lanes=2), parked_car(7, (35.0, 0.0)))
     goal = goal_state((20, 30), rectangle_at(25.0, 0.0))
     plain, kept = (

@@ -14,7 +14,7 @@ from plannerforge.engine.planners.idm import IntelligentDriver
 RADIUS_M = 15.0
 
 
-def test_in_a_long_bend_it_is_the_root_of_lateral_acceleration_times_radius() -> None:
+def test_in_a_long_curve_it_is_the_root_of_lateral_acceleration_times_radius() -> None:
     stations = np.arange(201.0)
     headings = np.clip(stations - 100.0, 0.0, 60.0) / 30.0  # from 100 m to 160 m with a radius of 30 m
     speeds = curve_speeds_mps(stations, headings, 3.0, 1.5)
@@ -42,7 +42,7 @@ def through_the_corner(*changes: str) -> tuple[float, Any]:
 
 
 @pytest.mark.parametrize("limit", [1.5, 3.0])
-def test_the_baseline_slows_down_for_a_bend_and_brakes_comfortably(limit: float) -> None:
+def test_the_baseline_slows_down_for_a_curve_and_brakes_comfortably(limit: float) -> None:
     largest, run = through_the_corner(f"lateral_acceleration_mps2={limit}")
     assert run.final.outcome == "goal_reached"
     assert 0.7 * limit < largest < 1.25 * limit

@@ -110,7 +110,7 @@ def test_without_a_posted_limit_the_type_of_the_lane_decides(kind: str, limit_mp
     assert desired.at(ego(5, 0.0, limit_mps)) == pytest.approx(limit_mps, abs=0.01)
 
 
-def test_an_ego_that_begins_faster_than_is_usual_cruises_so() -> None:
+def test_an_ego_that_begins_faster_than_usual_keeps_its_speed() -> None:
     desired = DesiredSpeed.of(task_of(goal_state((0, 1)), speed_mps=25.0))
     assert desired.explained_at(ego(5, 0.0, 24.0)) == (25.0, "speed_limit")
 
@@ -131,7 +131,7 @@ def test_a_curve_ahead_lowers_the_cruising_speed() -> None:
     assert math.sqrt(4.0 * 10.0) * 0.9 < speed_mps < 10.0
 
 
-def test_the_rule_of_the_reference_keeps_whatever_speed_there_is() -> None:
+def test_the_rule_of_the_reference_keeps_any_present_speed() -> None:
     desired = ReferenceDesiredSpeed.of(task_of(goal_state(WINDOW, IN_GOAL)))
     assert desired.explained_at(ego(0, 0.0, 10.0)) == (pytest.approx(12.0), "goal_mean")
     assert desired.explained_at(ego(50, 10.0, 0.0)) == (0.0, "present")
@@ -149,7 +149,7 @@ def held_up() -> Any:
 
 
 @pytest.mark.parametrize("planner", ["frenetix", "fiss", "idm", "mp_rbfn"])
-def test_an_ego_that_had_to_stop_drives_on_once_the_road_is_free(planner: str) -> None:
+def test_a_stopped_ego_drives_on_once_the_road_is_free(planner: str) -> None:
     goal = goal_state((60, 80), rectangle_at(40.0, 0.0))  # over long before the leader leaves
     scenario, problem = scenario_on(straight_road(400.0), held_up()), problem_for(goal, speed_mps=8.0)
     name = "frenetix:Default" if planner == "frenetix" else planner
@@ -159,7 +159,7 @@ def test_an_ego_that_had_to_stop_drives_on_once_the_road_is_free(planner: str) -
     assert max(state.speed_mps for state in run.states[stood[0] :]) > 2.0
 
 
-def test_by_the_rule_of_the_reference_it_stands_for_good() -> None:
+def test_by_the_rule_of_the_reference_a_stopped_ego_stands_forever() -> None:
     goal = goal_state((60, 80), rectangle_at(40.0, 0.0))
     scenario, problem = scenario_on(straight_road(400.0), held_up()), problem_for(goal, speed_mps=8.0)
     run = drive(scenario, problem, planner=Frenetix(desired_speed=ReferenceDesiredSpeed.of))

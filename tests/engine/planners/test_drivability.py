@@ -85,7 +85,7 @@ def strongest(run: DrivenRun) -> float:
 
 
 @pytest.mark.parametrize("name", ["frenetix:Default", "idm"])
-def test_the_heading_in_a_bend_is_the_motion_of_the_rear_axle(name: str) -> None:
+def test_the_heading_in_a_curve_is_the_motion_of_the_rear_axle(name: str) -> None:
     run = around_the_corner(13.0, 6.0, name=name)
     assert run.final.outcome == "goal_reached"
     assert aside_of_the_motion(run) < 0.015
@@ -117,7 +117,7 @@ def test_the_lane_follower_exceeds_its_comfortable_braking_before_a_corner_too_f
     assert strongest(run) <= BMW_320I.maximum_acceleration_mps2
 
 
-def test_the_lane_follower_says_so_where_no_braking_keeps_it_from_sliding_out() -> None:
+def test_the_lane_follower_reports_unavoidable_sliding() -> None:
     run = around_the_corner(8.0, 17.0, name="idm", before_m=6.0)
     assert run.final.outcome == "infeasible"
     assert run.rejected == {"friction": 1}
@@ -132,7 +132,7 @@ def test_the_wheels_of_the_lane_follower_turn_only_so_far(setting: str, limit: d
     assert run.final.outcome == ("infeasible" if limit else "goal_reached")
 
 
-def test_the_heading_of_the_lane_follower_depends_on_where_its_rear_axle_is() -> None:
+def test_the_heading_of_the_lane_follower_depends_on_its_rear_axle() -> None:
     near, far = (
         around_the_corner(8.0, 6.0, name="idm", settings=(f"rear_axle_behind_center_m={b}",)) for b in (0.4, 2.0)
     )
@@ -185,7 +185,7 @@ def swerving(end: EndState, speed_mps: float) -> Any:
     return next(iter(handler.get_sorted_trajectories())), handler
 
 
-def test_the_core_lets_a_swerve_pass_that_is_twice_as_tight_as_it_takes_it_for() -> None:
+def test_the_core_accepts_a_swerve_twice_as_tight_as_it_computes() -> None:
     sample, _handler = swerving(EndState(1.1, 3.2, 2.0), 3.2)
     ego = EgoState(0, np.array([51.4227, 0.0]), 0.0, 3.2)
     trajectory = copied_trajectory(sample, FrenetFrame.of(STRAIGHT, 0.0), ego, BMW_320I)
@@ -215,12 +215,12 @@ def turning(steering_rad: Points, speed_mps: Points) -> Track:
     return Track(-1, "car", BMW_320I.length_m, BMW_320I.width_m, 0, states[:, :2], states[:, 2], speeds)
 
 
-def test_what_a_vehicle_can_drive_exceeds_none_of_its_limits() -> None:
+def test_a_drivable_motion_exceeds_no_limit_of_the_vehicle() -> None:
     steering = 0.2 * np.sin(np.arange(60) / 10)
     assert list(exceeded_limits(turning(steering, np.full(60, 8.0)), BMW_320I, STEP_S)) == []
 
 
-def test_wheels_that_turn_too_fast_are_told_with_their_moment() -> None:
+def test_wheels_that_turn_too_fast_are_reported_with_their_moment() -> None:
     ramp = np.concatenate([np.zeros(20), np.arange(1, 5) * 0.08, np.full(20, 0.32)])
     found = {one.name: one for one in exceeded_limits(turning(ramp, np.full(44, 4.0)), BMW_320I, STEP_S)}
     assert set(found) == {"steering rate"}
@@ -229,7 +229,7 @@ def test_wheels_that_turn_too_fast_are_told_with_their_moment() -> None:
     assert found["steering rate"].in_words().startswith("steering rate 0.8 rad/s at 2.")
 
 
-def test_braking_beyond_the_tyres_is_told() -> None:
+def test_braking_beyond_the_tyres_is_reported() -> None:
     speed = np.maximum(20.0 - 1.4 * np.arange(20), 0.0)
     found = {one.name: one for one in exceeded_limits(turning(np.zeros(20), speed), BMW_320I, STEP_S)}
     assert found["friction"].value == pytest.approx(14.0)
@@ -242,4 +242,4 @@ def test_a_body_that_moves_aside_slides() -> None:
     track = Track(-1, "car", 4.5, 1.6, 0, aside, np.zeros(30), np.full(30, 10.0))
     (found,) = exceeded_limits(track, BMW_320I, STEP_S)
     assert (found.name, found.value) == ("rolling", 1.0)
-    assert "slide in 100 % of the steps" in found.in_words()
+    assert "slide in 100% of the steps" in found.in_words()

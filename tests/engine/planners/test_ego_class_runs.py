@@ -74,7 +74,7 @@ def test_reactive_traffic_meets_the_class(tmp_path: Path) -> None:
     assert (record.ego_class, record.ego_length_m) == ("bus", 12.0)
 
 
-def test_a_solution_file_is_refused_by_class_and_made_for_a_stated_vehicle(tmp_path: Path) -> None:
+def test_a_solution_file_is_refused_by_class_and_written_for_a_stated_vehicle(tmp_path: Path) -> None:
     path = written(tmp_path, "truck")
     for settings, is_refused in (((), True), (("vehicle=2",), False)):
         response = ran(path, *settings)

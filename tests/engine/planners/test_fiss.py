@@ -64,7 +64,7 @@ def test_it_keeps_the_contract(speed: float, search: int) -> None:
         assert check_planner(lambda: make_planner("fiss"), task, observation) == ()
 
 
-def test_what_it_plans_the_vehicle_can_drive() -> None:
+def test_its_plans_are_drivable() -> None:
     task, observation = task_for(12.0, parked_car(7, (45.0, 0.0)))
     trajectory = planned(task, observation).trajectory
     assert trajectory is not None
@@ -74,7 +74,7 @@ def test_what_it_plans_the_vehicle_can_drive() -> None:
     assert rates.max() <= BMW_320I.maximum_steering_rate_radps + 1e-9
 
 
-def test_it_goes_around_a_parked_car() -> None:
+def test_it_swerves_around_a_parked_car() -> None:
     run = driven_run(parked_car(7, (60.0, 0.0)), lanes=2, goal=goal_state((70, 130), rectangle_at(110.0, 0.0)))
     assert run.final.outcome == "goal_reached"
     assert max(float(state.position[1]) for state in run.states) > 1.7
@@ -92,7 +92,7 @@ def test_it_starts_from_a_standstill_and_reaches_the_goal() -> None:
     assert run.final.outcome == "goal_reached"
 
 
-def test_a_standing_ego_that_nothing_is_free_for_stands_still() -> None:
+def test_a_blocked_standing_ego_stands_still() -> None:
     task, observation = task_for(0.0, parked_car(7, (5.0, 0.0)), lanes=1)
     plan = planned(task, observation)
     assert plan.trajectory is not None
@@ -109,7 +109,7 @@ def test_the_searches_come_to_different_numbers_of_candidates() -> None:
     assert made["fiss"] < made["fop"] / 10
 
 
-def test_the_sampling_level_sets_how_many_candidates_there_are() -> None:
+def test_the_sampling_level_sets_the_number_of_candidates() -> None:
     counts = []
     for level in range(4):
         task, observation = task_for(10.0, settings=settings_of("search=0", f"sampling_level={level}"), lanes=1)
@@ -117,7 +117,7 @@ def test_the_sampling_level_sets_how_many_candidates_there_are() -> None:
     assert counts == [5 * (2 ** (level + 1) + 1) ** 2 for level in range(4)]
 
 
-def test_costs_are_told_by_the_terms_of_the_core() -> None:
+def test_costs_are_reported_by_the_terms_of_the_core() -> None:
     task, observation = task_for(10.0, moving_car(7, (25.0, 0.0), (7.0, 0.0)))
     costs = planned(task, observation).costs
     assert sorted(costs) == ["acceleration", "jerk", "lane_change", "lateral", "proximity", "speed", "time"]
@@ -135,13 +135,13 @@ def test_candidates_that_are_shown_can_be_driven_and_differ() -> None:
     assert len({round(float(line[-1][0]), 3) for line in shown}) > 1
 
 
-def test_rejected_candidates_are_counted_by_what_rejects_them() -> None:
+def test_rejected_candidates_are_counted_by_reason() -> None:
     task, observation = task_for(12.0, parked_car(7, (30.0, 0.0)), lanes=1)
     rejected = planned(task, observation).rejected
     assert rejected.get("collision", 0) + rejected.get("safety_distance", 0) > 0
 
 
-def test_more_weight_on_keeping_distance_keeps_more_of_it() -> None:
+def test_more_weight_on_distance_gives_more_distance() -> None:
     ahead = moving_car(7, (40.0, 0.0), (7.0, 0.0))
     plain, careful = (
         driven_run(ahead, settings=settings_of(preset=name), goal=FAR) for name in ("fiss:Plain", "fiss:Default")
@@ -152,7 +152,7 @@ def test_more_weight_on_keeping_distance_keeps_more_of_it() -> None:
     assert nearest[0] < nearest[1]
 
 
-def test_the_lanes_beside_a_path_are_those_of_its_direction() -> None:
+def test_the_lanes_next_to_a_path_have_its_direction() -> None:
     task, _ = task_for(10.0, lanes=2)
     bands = lane_bands(task.network, task.reference)
     index = len(bands.stations_m) // 3
@@ -171,7 +171,7 @@ def test_a_lane_of_the_other_direction_is_not_entered() -> None:
     assert (bands.left.left_m - bands.left.right_m).max() == 0.0
 
 
-def test_a_lane_that_the_route_changes_to_costs_nothing_and_one_that_leaves_it_does() -> None:
+def test_a_lane_change_of_the_route_costs_nothing_and_leaving_the_route_does() -> None:
     task, _ = task_for(10.0, goal=goal_state((80, 100), rectangle_at(160.0, 3.5)))
     bands = lane_bands(task.network, task.reference)
     assert bands.off_route(35.0) == (True, False)
@@ -179,7 +179,7 @@ def test_a_lane_that_the_route_changes_to_costs_nothing_and_one_that_leaves_it_d
     assert lane_bands(stays.network, stays.reference).off_route(35.0) == (True, True)
 
 
-def test_the_setting_of_the_search_is_no_part_of_other_configurations() -> None:
+def test_the_search_setting_is_not_part_of_other_configurations() -> None:
     before, after = configuration("frenetix:Default"), settings_of("search=2")
     assert "search" not in before.settings.model_dump()
     assert after.settings == configuration("fiss").settings
@@ -206,7 +206,7 @@ def driven_as(situation: int, *changes: str) -> tuple[tuple[float, ...], ...]:
 
 
 @pytest.mark.parametrize("name", tuning_of("fiss").weights)
-def test_each_weight_changes_what_is_driven_in_some_situation(name: str) -> None:
+def test_each_weight_changes_the_driven_motion_in_some_situation(name: str) -> None:
     lowest, highest = tuning_of("fiss").limits.get(name, (0.0, 1e3))
 
     default = tuning_of("fiss").presets["Default"].weights[name]

@@ -104,7 +104,7 @@ def test_the_vehicle_begins_to_steer_before_a_turn_that_begins_at_once() -> None
     assert answer.deviation_m < 0.15
 
 
-def test_the_first_steering_angle_is_free_only_where_it_is_not_known() -> None:
+def test_the_first_steering_angle_is_free_only_if_it_is_unknown() -> None:
     plan = turning(np.full(30, 0.5), 8.0)
     free, known = followed(plan), followed(plan, 0.0)
     assert free.deviation_m < 0.005 < known.deviation_m
@@ -120,7 +120,7 @@ def test_a_vehicle_off_its_plan_returns_to_it() -> None:
     assert abs(answer.trajectory.positions[-1, 1]) < 0.01
 
 
-def test_a_standing_vehicle_stays_where_it_is() -> None:
+def test_a_standing_vehicle_stays_in_place() -> None:
     plan = turning(np.zeros(30), 0.0)
     ego = EgoState(0, plan.positions[0] + [0.0, 0.2], 0.1, 0.0, steering_rad=0.3)
     answer = follow(plan, ego, BMW_320I, STEP_S).trajectory
@@ -128,14 +128,14 @@ def test_a_standing_vehicle_stays_where_it_is() -> None:
     assert np.abs(answer.headings_rad - 0.1).max() == 0.0
 
 
-def test_accelerations_beyond_tyres_and_engine_are_cut_and_told() -> None:
+def test_accelerations_beyond_tyres_and_engine_are_limited_and_reported() -> None:
     speeds = np.minimum(20.0 + 1.0 * np.arange(31), 40.0)  # 10 m/s², where the engine has 4.2
     answer = followed(planned(np.zeros(31), speeds), 0.0)
     assert not answer.within_tyres
     assert excesses_of(answer.trajectory, BMW_320I, STEP_S) == ()
 
 
-def test_a_plan_is_gone_on_with_only_near_to_it() -> None:
+def test_a_plan_is_continued_only_near_it() -> None:
     plan = turning(np.zeros(30), 10.0)
     near = EgoState(1, plan.positions[1] + [0.0, 0.2], 0.0, 10.0)
     assert is_on_plan(plan, 1, near, 0.3)

@@ -91,7 +91,7 @@ def test_a_turned_world_gives_the_same_run() -> None:
     assert np.allclose(along[0], along[1], atol=1e-6)
 
 
-def test_an_ego_against_the_direction_of_its_route_is_told_so_where_the_core_raises() -> None:
+def test_an_ego_against_the_direction_of_its_route_is_reported_if_the_core_raises() -> None:
     """Its lane and its route run the other way: the core has no curvilinear state for it."""
     path = np.stack([np.arange(0.0, 200.0), np.zeros(200)], axis=1)
     frame = FrenetFrame.of(path, 0.0)
@@ -111,7 +111,7 @@ def test_a_route_of_more_than_a_full_circle_gets_new_frames_on_the_way() -> None
         assert turned.max() <= SAFE_RANGE_RAD + 0.05
 
 
-def test_of_a_route_that_comes_back_across_itself_the_core_gets_the_part_before() -> None:
+def test_of_a_route_that_crosses_itself_the_core_gets_the_first_part() -> None:
     """Up a road, around the loop at its end, and back across the road: the core refuses the whole."""
     around = np.linspace(math.pi, -0.5 * math.pi, 40)[:, None]
     loop = np.array([6.0, 120.0]) + 6.0 * np.hstack([np.cos(around), np.sin(around)])
@@ -145,7 +145,7 @@ def test_copies_of_a_sample_outlive_the_cores_memory() -> None:
     assert all(np.array_equal(array, copied) for array, copied in zip(arrays, before, strict=True))
 
 
-def test_distance_to_obstacles_on_an_empty_road_costs_nothing_and_raises_nothing() -> None:
+def test_distance_to_obstacles_costs_nothing_on_an_empty_road() -> None:
     goal = goal_state((35, 45), rectangle_at(40.0, 0.0))
     run = drive(scenario_on(straight_road()), problem_for(goal), configuration("frenetix:Safety-Conservative"))
     assert run.final.outcome == "goal_reached"
@@ -209,13 +209,13 @@ def test_headings_written_beyond_pi_mean_the_same_and_go_on_as_they_are_written(
     assert np.allclose(beyond - plain, [0.0, 0.0, turns * math.tau], atol=1e-6)
 
 
-def test_an_ego_where_lanes_cross_is_on_its_own_however_its_heading_is_written() -> None:
+def test_an_ego_at_crossing_lanes_is_on_its_own_with_any_form_of_its_heading() -> None:
     along, across = np.array([[-50.0, 0.0], [50.0, 0.0]]), np.array([[0.0, -50.0], [0.0, 50.0]])
     network = network_of(lanelet_along(along, 1), lanelet_along(across, 2))
     assert [start_lanelets(network, np.zeros(2), turns * math.tau)[0] for turns in (-1, 0, 3)] == [1, 1, 1]
 
 
-def test_the_core_is_given_the_smallest_angle_of_a_heading() -> None:
+def test_the_core_gets_the_smallest_angle_of_a_heading() -> None:
     frame = FrenetFrame.of(np.stack([np.arange(0.0, 50.0), np.zeros(50)], axis=1), 0.0)
     assert [frame.heading_inwards(0.3 + turns * math.tau) for turns in (-1, 0, 3)] == pytest.approx([0.3, 0.3, 0.3])
 

@@ -92,14 +92,14 @@ def test_headings_count_on_the_circle(middle: float, half: float, share: float, 
         assert not reached(region, ego(heading=middle + half + 0.05 + turns * math.tau)) or half > math.pi - 0.05
 
 
-def test_where_a_path_is_inside() -> None:
+def test_positions_of_a_path_inside_a_goal() -> None:
     path = np.stack([np.arange(0.0, 100.0), np.zeros(100)], axis=1)
     region = goal(goal_state((5, 20), rectangle_at(50.0, 0.0)))
     assert region.stations_on(path) == (44.0, 56.0)
     assert goal(goal_state((5, 20), rectangle_at(50.0, 30.0))).stations_on(path) is None
 
 
-def test_a_path_point_on_the_edge_of_the_goal_is_inside_wherever_the_map_lies() -> None:
+def test_a_path_point_on_the_edge_of_the_goal_is_inside_at_any_map_position() -> None:
     path = np.stack([np.arange(0.0, 100.0), np.zeros(100)], axis=1)
     for rounding in (-1e-10, 0.0, 1e-10):
         region = goal(goal_state((5, 20), rectangle_at(50.0 + rounding, 0.0)))
@@ -124,7 +124,7 @@ def test_progress_is_one_only_if_the_ego_was_in_the_goal_itself(aside_m: float, 
     assert (found == 1.0) == (left_m == 0.0)
 
 
-def test_there_is_no_progress_to_a_goal_without_a_place() -> None:
+def test_a_goal_without_a_position_has_no_progress() -> None:
     problem = problem_for(goal_state((5, 90)))
     assert progress_to_goal(scenario_on(straight_road()), problem, BMW_320I, np.zeros((2, 2))) is None
 
@@ -142,7 +142,7 @@ def ring(radius_m: float = 20.0) -> Any:
     )
 
 
-def test_the_first_passage_of_a_goal_counts_where_the_path_passes_it_again() -> None:
+def test_the_first_passage_of_a_goal_counts_if_the_path_passes_it_again() -> None:
     line, _ = ring()
     path = np.concatenate([line, line[1:]])
     here = goal(goal_state((5, 20), rectangle_at(*line[80], size=(6.0, 6.0))))

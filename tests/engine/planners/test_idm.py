@@ -101,7 +101,7 @@ def test_an_offset_from_the_path_fades_out_without_a_swerve() -> None:
     assert min(offsets) > -0.02
 
 
-def test_each_parameter_acts_as_it_says() -> None:
+def test_each_parameter_has_its_documented_effect() -> None:
     def at(changes: tuple[str, ...], *obstacles: Any) -> Any:
         return driven(*obstacles, changes=changes).states[40]
 

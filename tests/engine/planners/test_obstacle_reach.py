@@ -26,7 +26,7 @@ def busy() -> DrivenRun:
     return drive(scenario_on(road(300.0, lanes=2), *cars), problem_for(goal), configuration("frenetix:Default"))
 
 
-def test_leaving_out_what_is_out_of_reach_changes_no_cost_and_no_trajectory(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_leaving_out_obstacles_out_of_reach_changes_no_cost_and_no_trajectory(monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[dict[int, int]] = []
     term = costs.CalculateCollisionProbabilityFast
 
@@ -39,7 +39,7 @@ def test_leaving_out_what_is_out_of_reach_changes_no_cost_and_no_trajectory(monk
     near = given[0]
     assert min(near.values()) < HORIZON
     given.clear()
-    monkeypatch.setattr(frenet_costs, "BESIDE_REACH_M", 1e6)
+    monkeypatch.setattr(frenet_costs, "BEYOND_REACH_M", 1e6)
     whole = busy()
     assert given[0].keys() > near.keys()
     assert set(given[0].values()) == {HORIZON}

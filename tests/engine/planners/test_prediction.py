@@ -72,7 +72,7 @@ def distance_to_centre(network: LaneletNetwork, point: Any) -> float:
     return min(abs(project(line, point)[1]) for line in lines)
 
 
-def test_in_a_bend_a_lane_prediction_keeps_the_road_constant_velocity_leaves_it() -> None:
+def test_in_a_curve_a_lane_prediction_keeps_the_road_constant_velocity_leaves_it() -> None:
     network, track = bend(), car((15.0, 0.3), 0.0, 10.0)
     lane = LanePrediction(network)(track, 0, 30, 0.1)
     straight = constant_velocity(track, 0, 30, 0.1)
@@ -91,12 +91,12 @@ def test_the_offset_and_the_heading_fade_with_two_seconds() -> None:
     assert lane.headings_rad[20] == pytest.approx(0.1 * math.exp(-1.0))
 
 
-def test_behind_the_end_of_the_map_the_lane_goes_straight_on() -> None:
+def test_beyond_the_end_of_the_map_the_lane_continues_straight() -> None:
     lane = LanePrediction(straight_road(60.0))(car((35.0, 0.0), 0.0, 10.0), 0, 30, 0.1)
     assert lane.positions[-1] == pytest.approx([65.0, 0.0])
 
 
-def test_at_a_fork_the_straightest_way_is_taken() -> None:
+def test_at_a_fork_the_straightest_route_is_chosen() -> None:
     angle = np.linspace(0.0, 1.0, 21)
     arc = np.stack([20.0 + RADIUS_M * np.sin(angle), RADIUS_M * (1.0 - np.cos(angle))], axis=1)
     x = np.linspace(-20.0, 20.0, 9)
@@ -147,7 +147,7 @@ def test_every_prediction_of_the_schema_drives(prediction: Any) -> None:
     assert run.final.outcome == "goal_reached"
 
 
-def test_an_unknown_prediction_is_refused_with_those_there_are() -> None:
+def test_an_unknown_prediction_is_refused_with_the_valid_ones() -> None:
     with pytest.raises(UnknownName) as refusal:
         predictor("oracle", straight_road())  # type: ignore[arg-type]
     assert set(refusal.value.valid) == set(get_args(Prediction))

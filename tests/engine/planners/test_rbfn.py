@@ -55,7 +55,7 @@ def rows(motions: Motions) -> tuple[Any, ...]:
     return tuple(values[0] for values in vars(motions).values())
 
 
-def test_a_primitive_begins_and_ends_as_asked() -> None:
+def test_a_primitive_begins_and_ends_as_requested() -> None:
     x, y, heading, speed, curvature = rows(made()[0])
     assert (x[0], y[0], heading[0], speed[0], curvature[0]) == pytest.approx((0.0, 0.0, 0.0, 8.0, -0.01))
     assert (x[-1], y[-1], heading[-1]) == pytest.approx((24.0, 3.0, 0.1), abs=1e-6)
@@ -71,7 +71,7 @@ def test_a_primitive_is_a_motion_of_the_single_track_model() -> None:
     assert np.gradient(heading, TIMES[1])[inner] == pytest.approx((speed * curvature)[inner], abs=0.01)
 
 
-def test_what_the_network_misses_before_it_is_closed_is_small() -> None:
+def test_the_network_s_error_before_closing_is_small() -> None:
     inputs = np.array([[0.9, -0.2, 0.1, 0.1, 0.2, 1.12], [1.5, 0.5, 0.4, 0.8, 0.6, 0.6]])
     x, y, heading = driven_poses(*NETWORK.profiles(inputs))
     assert np.hypot(x[:, -1] - np.cos(inputs[:, 2]), y[:, -1] - np.sin(inputs[:, 2])).max() < 0.005
@@ -86,7 +86,7 @@ def test_a_mirrored_end_gives_the_mirrored_primitive() -> None:
         assert theirs == pytest.approx(side * mine, abs=1e-5)
 
 
-def test_ends_that_were_not_learnt_are_told() -> None:
+def test_ends_that_were_not_learnt_are_reported() -> None:
     assert made()[1].tolist() == [True]
     assert made(y=30.0)[1].tolist() == [False]
     assert made(speed=30.0)[1].tolist() == [False]
@@ -120,7 +120,7 @@ def test_it_keeps_the_contract(speed: float) -> None:
         assert check_planner(lambda: make_planner("mp_rbfn"), task, observation) == ()
 
 
-def test_what_it_drives_the_vehicle_can_drive() -> None:
+def test_its_motion_is_drivable() -> None:
     task, observation = task_for(12.0, parked_car(7, (30.0, 0.0)))
     trajectory = planned(task, observation).trajectory
     assert trajectory is not None
@@ -133,14 +133,14 @@ def test_it_reaches_a_goal_on_the_next_lane() -> None:
     assert max(abs(state.yaw_rate_radps) for state in run.states) < 0.5
 
 
-def test_it_goes_around_a_parked_car_and_comes_back() -> None:
+def test_it_swerves_around_a_parked_car_and_returns() -> None:
     run = driven_run(parked_car(7, (50.0, -0.6)), lanes=2)
     assert run.final.outcome == "goal_reached"
     assert max(state.position[1] for state in run.states) > 1.0
     assert abs(run.states[-1].position[1]) < 0.3
 
 
-def test_it_stops_where_the_road_is_closed_and_stays() -> None:
+def test_it_stops_at_a_closed_road_and_stays() -> None:
     run = driven_run(parked_car(7, (60.0, 0.0)))
     assert run.final.outcome == "timeout"
     assert run.states[-1].speed_mps < 0.2  # it still closes the last half metre of the gap
@@ -180,7 +180,7 @@ def test_a_channel_counts_only_with_a_weight() -> None:
     }
 
 
-def test_the_channels_of_two_candidates_are_those_computed_by_hand() -> None:
+def test_the_channels_of_two_candidates_match_a_manual_computation() -> None:
     scenario = scenario_on(straight_road(300.0, lanes=1), moving_car(7, (20.0, 0.0), (0.0, 0.0)))
     reference = task_for(10.0)[0].reference
     ego = EgoState(0, ORIGIN, 0.0, 10.0)

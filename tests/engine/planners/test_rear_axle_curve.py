@@ -41,7 +41,7 @@ def test_the_centre_keeps_to_the_path(radius_m: float) -> None:
 @given(
     aside_m=st.floats(-1.5, 1.5), turned_rad=st.floats(-0.4, 0.4), begin=st.integers(5, 60), radius_m=st.floats(8.0, 50)
 )
-def test_it_begins_where_the_vehicle_is_and_heads_and_ends_on_its_path(
+def test_it_begins_at_the_vehicle_s_pose_and_ends_on_its_path(
     aside_m: float, turned_rad: float, begin: int, radius_m: float
 ) -> None:
     path = RearAxlePath(s_bend(radius_m), BEHIND_M)

@@ -49,7 +49,7 @@ def test_it_stops_before_a_standing_car(name: str, preset: str) -> None:
     assert run.states[-1].position[0] < 60.0 - 2.25 - BMW_320I.length_m / 2
 
 
-def test_one_that_keeps_lane_and_speed_runs_into_it() -> None:
+def test_a_driver_that_keeps_lane_and_speed_collides() -> None:
     run = driven("keep_lane", parked_car(7, (60.0, 0.0)))
     assert run.final.outcome == "collision"
     assert run.states[-1].speed_mps == pytest.approx(run.states[0].speed_mps, abs=1e-6)
@@ -114,7 +114,7 @@ def test_the_careful_driver_notices_a_cut_in_after_0_375_m() -> None:
     assert first_braking_s(CarefulDriver(), 20.0, cutting_in) == pytest.approx(1.6)
 
 
-def test_the_fuzzy_metrics_are_those_of_their_definition() -> None:
+def test_the_fuzzy_metrics_match_their_definition() -> None:
     driver = FuzzyDriver()
     # v = 20, u = 20: safe 15 + 50 − 28.57 + 2 = 38.43, unsafe 15 + 33.33 − 28.57 = 19.76, both beyond 2 m
     assert driver.unsafe_share(40.5, 20.0, 20.0) == 0.0
@@ -125,7 +125,7 @@ def test_the_fuzzy_metrics_are_those_of_their_definition() -> None:
     assert driver.critical_share(15.8, 20.0, 10.0, 0.0) == 1.0
 
 
-def test_the_safe_distances_of_rss_are_those_of_their_definition() -> None:
+def test_the_safe_distances_of_rss_match_their_definition() -> None:
     driver = RssDriver()
     assert driver.safe_distance_m(20.0, 20.0) == pytest.approx(15.0 + 50.0 - 25.0)
     assert driver.safe_distance_m(10.0, -10.0) == pytest.approx(2 * (7.5 + 12.5))

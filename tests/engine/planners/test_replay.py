@@ -92,7 +92,7 @@ def moved(steps: RunSteps, by_m: float) -> RunSteps:
     return steps.model_copy(update={"x_m": (*steps.x_m[:-1], steps.x_m[-1] + by_m)})
 
 
-def test_run_that_comes_out_otherwise_shows_no_plans(tmp_path: Path) -> None:
+def test_a_run_with_a_different_result_shows_no_plans(tmp_path: Path) -> None:
     run, response = driven(tmp_path, "frenetix:Default")
     steps = response.steps
     shorter = {name: getattr(steps, name)[:-1] for name in ("x_m", "y_m", "heading_rad", "speed_mps")}
@@ -104,7 +104,7 @@ def test_run_that_comes_out_otherwise_shows_no_plans(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("by_m", [1e-14, 1e-6, 0.009])
-def test_a_run_that_another_machine_rounds_otherwise_shows_its_plans(by_m: float, tmp_path: Path) -> None:
+def test_a_run_that_another_machine_rounds_differently_shows_its_plans(by_m: float, tmp_path: Path) -> None:
     run, response = driven(tmp_path, "frenetix:Default")
     found = replayed(tmp_path, run, moved(response.steps, by_m))
     assert found.note == ""
@@ -138,7 +138,7 @@ def test_a_stepwise_program_shows_its_plans_and_candidates(tmp_path: Path) -> No
     assert points(shown[0].candidates[0])[:, 1].tolist() == pytest.approx(1 + points(shown[0].plan)[:, 1])
 
 
-def test_a_program_that_is_asked_once_shows_what_is_left_of_its_trajectory(tmp_path: Path) -> None:
+def test_a_one_shot_program_shows_the_rest_of_its_trajectory(tmp_path: Path) -> None:
     command = (sys.executable, "-S", own_planner_program.__file__, "drives")
     response, found = with_programs(tmp_path, CommandPlanner(summary="x", command=command))
     shown = plans(found)
@@ -146,7 +146,7 @@ def test_a_program_that_is_asked_once_shows_what_is_left_of_its_trajectory(tmp_p
     assert len(points(shown[0].plan)) > len(points(shown[-1].plan)) > 1
 
 
-def test_a_program_that_was_edited_since_shows_nothing(tmp_path: Path) -> None:
+def test_a_program_edited_since_shows_no_plans(tmp_path: Path) -> None:
     command = (sys.executable, "-S", own_planner_program.__file__, "drives")
     with programs_named({"mine": CommandPlanner(summary="x", command=command)}):
         run, response = driven(tmp_path, "mine:Default")
@@ -169,7 +169,7 @@ class Showing:
         return [np.zeros((3, 2)), [[0.0, 0.0], [1.0, 1.0]], np.full((2, 2), np.nan), np.zeros(4)][:most]
 
 
-def test_candidates_of_a_class_are_shown_unless_they_are_no_lines() -> None:
+def test_candidates_of_a_class_are_shown_if_they_are_lines() -> None:
     planner = guarded("mine", Showing)  # type: ignore[arg-type]
     assert isinstance(planner, ShowsCandidates)
     assert [len(line) for line in planner.shown_candidates(16)] == [3, 2]

@@ -107,7 +107,7 @@ def test_when_both_change_into_the_lane_between_them_the_ego_answers_too() -> No
     assert cost(change_lane(10.0), stays) == 0.0
 
 
-def test_a_pedestrian_off_the_road_counts_where_the_ego_drives_up_to_it() -> None:
+def test_a_pedestrian_off_the_road_counts_if_the_ego_drives_up_to_them() -> None:
     walker = other((18.0, -2.4), (0.0, 0.3))
     assert cost((5.0 * TIME, 0.0), walker) > 0.1
     behind = other((-6.0, -2.4), (0.0, 0.3))
@@ -171,7 +171,7 @@ def test_turning_left_across_oncoming_traffic_is_the_egos_doing() -> None:
     assert cost((8.0 * TIME, 0.0), oncoming, network=turning()) == 0.0
 
 
-def test_of_two_that_merge_the_one_behind_answers() -> None:
+def test_of_two_merging_vehicles_the_one_behind_is_responsible() -> None:
     x = np.linspace(-40.0, 20.0, 13)
     network = network_of(
         lanelet_along(np.stack([x, np.zeros(13)], axis=1), 1, successor=[3]),
@@ -192,7 +192,7 @@ def test_of_two_that_merge_the_one_behind_answers() -> None:
     vx=st.floats(-20.0, 20.0),
     vy=st.floats(-3.0, 3.0),
 )
-def test_the_cost_of_one_obstacle_lies_between_0_and_1(speed: float, x: float, y: float, vx: float, vy: float) -> None:
+def test_the_cost_of_one_obstacle_is_between_0_and_1(speed: float, x: float, y: float, vx: float, vy: float) -> None:
     value = cost((speed * TIME, 0.0), other((x, y), (vx, vy)))
     assert 0.0 <= value <= 1.0
 

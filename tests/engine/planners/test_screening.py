@@ -73,7 +73,7 @@ ROADS = [(1e6, 14.0), (60.0, 9.0), (-25.0, 6.0), (12.0, 4.0), (200.0, 30.0), (9.
 
 
 @pytest.mark.parametrize(("radius_m", "speed_mps"), ROADS)
-def test_a_clear_candidate_breaks_what_the_core_says(radius_m: float, speed_mps: float) -> None:
+def test_a_clear_candidate_breaks_the_same_limits_as_in_the_core(radius_m: float, speed_mps: float) -> None:
     planned = Planned.on(radius_m, speed_mps)
     screening, made = planned.screened(), planned.made()
     for row in np.flatnonzero(screening.is_clear).tolist():
@@ -96,7 +96,7 @@ def test_no_candidate_costs_less_than_its_bound(radius_m: float, speed_mps: floa
 
 
 @pytest.mark.parametrize(("radius_m", "speed_mps"), ROADS)
-def test_the_margin_is_a_hundred_times_what_rounding_moves(radius_m: float, speed_mps: float) -> None:
+def test_the_margin_is_a_hundred_times_the_rounding_error(radius_m: float, speed_mps: float) -> None:
     planned = Planned.on(radius_m, speed_mps)
     motions = _Motions.of(planned.matrix, planned.step)
     for row, sample in planned.made().items():
@@ -112,7 +112,7 @@ def test_the_margin_is_a_hundred_times_what_rounding_moves(radius_m: float, spee
 
 
 @pytest.mark.parametrize(("radius_m", "speed_mps"), [*ROADS, (1e6, 1.0)])
-def test_candidates_made_on_demand_come_as_if_all_had_been_made(radius_m: float, speed_mps: float) -> None:
+def test_candidates_computed_on_demand_match_computing_all(radius_m: float, speed_mps: float) -> None:
     planned = Planned.on(radius_m, speed_mps)
     made = planned.made()
     lazily = _Feasible(planned.handler, planned.matrix, planned.step, planned.screened())

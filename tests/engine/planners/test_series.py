@@ -63,7 +63,7 @@ def series_of(folder: Path, debug: Any, problem: Problem = NEAR) -> RunSeries:
     return series
 
 
-def test_offset_and_heading_error_are_those_of_the_reference_path(tmp_path: Path) -> None:
+def test_offset_and_heading_error_refer_to_the_reference_path(tmp_path: Path) -> None:
     aside = replace(NEAR, start=(40.0, -0.5, 0.04, 10.0))
     series = series_of(tmp_path, DebugValues(), aside)
     assert series.lateral_offset_m[0] == pytest.approx(-0.5, abs=1e-3)
@@ -72,7 +72,7 @@ def test_offset_and_heading_error_are_those_of_the_reference_path(tmp_path: Path
     assert set(series.steering_rad) == {0.0}
 
 
-def test_numbers_that_are_not_finite_are_none_and_the_run_goes_on(tmp_path: Path) -> None:
+def test_numbers_that_are_not_finite_become_null_and_the_run_continues(tmp_path: Path) -> None:
     series = series_of(tmp_path, lambda step: DebugValues({"gap_m": float(step), "ttc_s": np.inf}))
     assert series.numbers["gap_m"][:3] == (0.0, 3.0, 6.0)
     assert set(series.numbers["ttc_s"]) == {None}
@@ -92,7 +92,7 @@ def test_names_and_texts_are_one_printable_line(hostile: str, tmp_path: Path) ->
     assert all(word.isprintable() and len(word) <= 200 for word in words)
 
 
-def test_what_is_beyond_the_bounds_is_left_out_and_counted(tmp_path: Path) -> None:
+def test_values_beyond_the_bounds_are_left_out_and_counted(tmp_path: Path) -> None:
     many = {f"n{number}": 1.0 for number in range(MOST_DEBUG_VALUES + 2)}
     large = np.zeros((MOST_DEBUG_POINTS + 1, 2))
     small = {f"p{number}": np.zeros((3, 2)) for number in range(MOST_DEBUG_POLYGONS)}

@@ -57,7 +57,7 @@ def test_the_horizon_sets_how_far_is_planned(name: str) -> None:
     assert lengths == [21, 31, 61]
 
 
-def test_a_larger_vehicle_touches_what_a_smaller_one_passes() -> None:
+def test_a_larger_vehicle_touches_an_obstacle_that_a_smaller_one_passes() -> None:
     beside = (parked_car(7, (12.0, 2.0)),)
     narrow = driven(name="idm", obstacles=beside, goal=goal_state((30, 60), rectangle_at(30.0, 0.0)))
     scenario = scenario_on(straight_road(200.0), *beside)
@@ -102,6 +102,6 @@ def test_commonroads_vehicles_agree_with_their_package() -> None:
         assert ours.maximum_steering_rate_radps == theirs.steering.v_max
 
 
-def test_a_vehicle_with_parameters_of_its_own() -> None:
+def test_a_vehicle_with_its_own_parameters() -> None:
     made = vehicle_of(PlannerSettings(vehicle=3, width_m=2.0))
     assert (made.width_m, made.length_m) == (2.0, VEHICLES[3].length_m)

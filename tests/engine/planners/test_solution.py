@@ -150,7 +150,7 @@ def test_a_run_to_the_goal_on_a_real_road_is_a_valid_solution(
         "DEU_Lohmar-55_1_T-1",  # turns by 2.6 rad
     ],
 )
-def test_a_run_of_the_lane_follower_through_a_bend_is_a_valid_solution(
+def test_a_run_of_the_lane_follower_through_a_curve_is_a_valid_solution(
     name: str, shared_data: Path, tmp_path: Path, monkeypatch: Any
 ) -> None:
     path = shared_data / "data" / "commonroad" / f"{name}.xml"
@@ -177,7 +177,7 @@ def test_without_each_cure_the_vehicle_could_not_drive_it(
 
 
 @pytest.mark.shared_data
-def test_a_real_collision_is_no_valid_solution(shared_data: Path, tmp_path: Path, monkeypatch: Any) -> None:
+def test_a_real_collision_is_not_a_valid_solution(shared_data: Path, tmp_path: Path, monkeypatch: Any) -> None:
     path = shared_data / "data" / "commonroad" / "ESP_Monzon-3_1_T-1.xml"
     response, target = driven(path, tmp_path)
     assert response.record.outcome == "collision"
@@ -207,7 +207,7 @@ class StraightAhead:
 
 
 @pytest.mark.shared_data
-def test_a_run_off_a_real_road_is_no_valid_solution(shared_data: Path, monkeypatch: Any) -> None:
+def test_a_run_off_a_real_road_is_not_a_valid_solution(shared_data: Path, monkeypatch: Any) -> None:
     loaded = read_scenario(shared_data / "data" / "commonroad" / "BEL_Antwerp-13_5_T-1.xml")
     problem = loaded.problem()
     run = simulate(loaded.scenario, problem, configuration("frenetix:Default"), StraightAhead(), "ground_truth", silent)
@@ -226,7 +226,7 @@ def test_a_run_off_a_real_road_is_no_valid_solution(shared_data: Path, monkeypat
         solution_checker.boundary_collision(loaded.scenario, loaded.planning_problems, solution)
 
 
-def test_the_checker_sees_a_car_in_the_way_where_the_run_ended(tmp_path: Path) -> None:
+def test_the_checker_sees_a_car_at_the_end_of_the_run(tmp_path: Path) -> None:
     """It places the ego where our loop did: a car at the end of the run is hit, none before."""
     path = replace(town_road(), problems=(NEAR,)).write(tmp_path / "scenario.xml")
     response, target = driven(path, tmp_path)

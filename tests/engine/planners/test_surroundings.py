@@ -60,7 +60,7 @@ def task_on(scenario: Any, problem: Any) -> PlanningTask:
     return PlanningTask(network, problem, configuration("frenetix:Balanced"), reference, road, BMW_320I, 0.1)
 
 
-def test_the_path_of_a_straight_road_is_its_centre_line_and_goes_on_beyond_it() -> None:
+def test_the_path_of_a_straight_road_is_its_centre_line_and_continues_beyond_it() -> None:
     _, path = path_to(goal_state((1, 2), rectangle_at(100.0, 0.0)))
     assert np.abs(path.points[:, 1]).max() < 1e-9
     assert path.points[0, 0] == pytest.approx(-50.0, abs=0.01)
@@ -76,7 +76,7 @@ def test_a_lane_change_is_drivable_and_ends_on_the_goal_lane() -> None:
     assert maximum_curvature(path.points, sigma_m=1.0) < 0.05
 
 
-def test_a_goal_off_the_centre_line_bends_the_path() -> None:
+def test_a_goal_off_the_centre_line_curves_the_path() -> None:
     network = straight_road(300.0)
     beside = rectangle_at(80.0, 1.2, size=(6.0, 0.6))
     region = problem_for(goal_state((1, 2), beside))
@@ -88,7 +88,7 @@ def test_a_goal_off_the_centre_line_bends_the_path() -> None:
     assert goal.stations_on(bent.points) is not None
 
 
-def test_goal_lanelets_are_taken_from_the_file() -> None:
+def test_goal_lanelets_come_from_the_file() -> None:
     shape = rectangle_at(150.0, 3.5)
     route, _ = path_to(goal_state((1, 2), shape), lanelets={0: [2]})
     assert route.lanelets[route.goal_index or 0] == 2
@@ -131,7 +131,7 @@ def test_the_edge_of_the_road_is_felt_and_lane_borders_are_not() -> None:
     assert not road.holds(np.array([50.0, -4.0]))
 
 
-def test_constant_velocity_goes_straight_on_with_a_margin() -> None:
+def test_constant_velocity_continues_straight_with_a_margin() -> None:
     track = RecordedTraffic(scenario_on(straight_road(), moving_car(5, (10.0, 0.0), (3.0, 4.0)))).moving[0]
     seen = constant_velocity(track, 10, 30, 0.1)
     assert seen.positions[0] == pytest.approx([13.0, 4.0])
@@ -167,7 +167,7 @@ def test_the_sampling_of_the_reference() -> None:
 
 
 @given(st.floats(0.1, 30.0), st.floats(-3.0, 3.0), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
-def test_changing_the_mode_there_and_back_changes_nothing(v: float, a: float, d: float, d1: float, d2: float) -> None:
+def test_changing_the_mode_and_back_has_no_effect(v: float, a: float, d: float, d1: float, d2: float) -> None:
     state = CurvilinearState(np.array([5.0, v, a]), np.array([d, d1, d2]), low_speed=False)
     back = state.as_mode(low_speed=True).as_mode(low_speed=False)
     assert np.allclose(back.lateral, state.lateral, atol=1e-6)
@@ -182,7 +182,7 @@ def test_frenetix_keeps_the_contract(speed: float) -> None:
     assert check_planner(Frenetix, task, Observation(ego, others)) == ()
 
 
-def test_the_contract_names_what_is_broken() -> None:
+def test_the_contract_names_the_breach() -> None:
     class Careless:
         calls = 0
 
@@ -231,7 +231,9 @@ def test_the_contract_asks_for_every_part_of_the_same_plan_again(part: str) -> N
 
 @pytest.mark.parametrize("ahead_m", [-6.0, -4.4, -2.0, 0.0, 2.0, 4.4, 6.0])
 @pytest.mark.parametrize("turn_rad", [0.0, 0.4])
-def test_read_rectangles_are_hit_where_commonroad_dc_says_so(tmp_path: Path, ahead_m: float, turn_rad: float) -> None:
+def test_read_rectangles_are_hit_if_commonroad_dc_reports_a_hit(
+    tmp_path: Path, ahead_m: float, turn_rad: float
+) -> None:
     others = [driving(31, (20, 0), 8.0, 40), driving(32, (20, 3.5), 8.0, 40, heading_rad=7.0)]
     path = town_road().with_vehicles(*others).write(tmp_path / "base.xml")
     by_objects = RecordedTraffic(read_scenario(path).scenario)
@@ -257,7 +259,7 @@ def test_read_rectangles_are_hit_where_commonroad_dc_says_so(tmp_path: Path, ahe
     ],
     ids=("rectangle", "turned", "circle", "triangle", "polygon", "group"),
 )
-def test_bodies_of_any_shape_are_hit_where_commonroad_dc_says_so(shape: Any) -> None:
+def test_bodies_of_any_shape_are_hit_if_commonroad_dc_reports_a_hit(shape: Any) -> None:
     from commonroad_dc import pycrcc
     from commonroad_dc.collision.collision_detection.pycrcc_collision_dispatch import create_collision_object
 

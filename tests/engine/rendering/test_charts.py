@@ -34,10 +34,10 @@ def words(kind: PictureKind, runs: tuple[RunSource, ...], *scenarios: ScenarioSo
     return CHARTS[kind](RunSet(runs, (DEFAULT, SAFE), scenarios)).alt_text
 
 
-def test_causes_say_kinds_and_how_many_no_driver_prevents(hit: RunSource, town: ScenarioSource) -> None:
+def test_causes_state_kinds_and_the_number_of_unpreventable_collisions(hit: RunSource, town: ScenarioSource) -> None:
     text = words("causes", (hit, source(record(TOWN, config=SAFE))), town)
-    assert "rear end by ego under Default 1 (1 preventable)" in text
-    assert "no reference driver prevents 0 of 1" in text
+    assert "1 rear end by ego under Default (1 preventable)" in text
+    assert "0 of 1 judged collisions not preventable" in text
 
 
 def test_causes_without_a_collision_are_refused() -> None:
@@ -45,7 +45,7 @@ def test_causes_without_a_collision_are_refused() -> None:
         words("causes", (source(record()),))
 
 
-def test_strata_hold_every_valid_run_once_a_factor() -> None:
+def test_strata_contain_every_valid_run_once_for_each_factor() -> None:
     names = [f"ZAM_T-{number}_1_T-1" for number in range(6)]
     known = [
         ScenarioSource(scenario_id=name, path="", road="highway" if number < 2 else "", density_per_km=10.0 * number)
@@ -53,9 +53,9 @@ def test_strata_hold_every_valid_run_once_a_factor() -> None:
     ]
     runs = tuple(source(record(name, "timeout" if name == names[0] else "goal_reached")) for name in names)
     text = words("strata", (*runs, source(record("ZAM_X-1_1_T-1", "invalid"))), *known)
-    for said in ("highway, Default 1 of 2", "road unknown, Default 4 of 4", "0 vehicles/km, Default 0 of 1"):
+    for said in ("highway | Default: 1 of 2", "road unknown | Default: 4 of 4", "0 vehicles/km | Default: 0 of 1"):
         assert said in text
-    assert "under 20/km, Default 1 of 1; 20 to 50/km, Default 3 of 3; 50/km and more, Default 1 of 1" in text
+    assert "under 20/km | Default: 1 of 1; 20 to 50/km | Default: 3 of 3; 50/km and more | Default: 1 of 1" in text
 
 
 def test_strata_of_runs_that_do_not_differ_are_refused() -> None:
@@ -72,7 +72,7 @@ def test_distributions_give_the_median_of_each_configuration() -> None:
     before = [source(measured(number, DEFAULT, value)) for number, value in enumerate((1.0, 2.0, 100_115.84))]
     after = [source(measured(number, SAFE, value)) for number, value in enumerate((1.5, 2.5, 3.5))]
     text = words("distributions", (*before, *after))
-    assert "minimum distance: median Default 2, Safe 2.5" in text
+    assert "minimum distance: medians Default: 2 | Safe: 2.5" in text
     assert "headway" not in text
     assert "mean total cost" not in text  # means nothing across configurations
 
@@ -89,7 +89,7 @@ def test_a_value_far_out_does_not_stretch_the_axis() -> None:
 
 def test_terms_are_of_one_run_with_their_mean_shares(hit: RunSource, town: ScenarioSource) -> None:
     drawing = CHARTS["terms"](RunSet((source(record(TOWN, config=SAFE)), hit), (), (town,)))
-    assert "mean shares velocity_offset 75 %, prediction 25 %" in drawing.alt_text
+    assert "mean shares velocity_offset 75%, prediction 25%" in drawing.alt_text
     assert hit.record.run_id in drawing.alt_text
 
 
@@ -136,7 +136,7 @@ def test_charts_of_runs_without_steps_are_refused() -> None:
             CHARTS[kind](RunSet((source(record()),)))
 
 
-def test_animation_is_slower_around_the_collision_and_says_so(
+def test_an_animation_is_slower_around_the_collision_and_says_so(
     tmp_path: Path, hit: RunSource, town: ScenarioSource
 ) -> None:
     request = RenderRequest(kind="animation", runs=(hit,), scenarios=(town,), folder=str(tmp_path))
@@ -152,7 +152,9 @@ def test_animation_is_slower_around_the_collision_and_says_so(
     assert durations[-1] == 1500
 
 
-def test_animation_slows_at_the_closest_encounter_of_a_run_that_hit_none(tmp_path: Path, town: ScenarioSource) -> None:
+def test_an_animation_slows_at_the_closest_encounter_of_a_run_without_a_collision(
+    tmp_path: Path, town: ScenarioSource
+) -> None:
     run = source(record(TOWN, figures=metrics(minimum_distance_m=0.0)), tmp_path)
     image = render(RenderRequest(kind="animation", runs=(run,), scenarios=(town,), folder=str(tmp_path)), silent)
     assert "times slower around" in image.images[0].alt_text

@@ -90,11 +90,11 @@ def test_difference_is_that_of_the_published_pairs(
 
 @pytest.mark.parametrize("vision", VISIONS)
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_outcomes_are_told_apart_with_any_colour_vision(scheme: str, vision: str) -> None:
+def test_outcomes_are_distinguishable_with_any_colour_vision(scheme: str, vision: str) -> None:
     assert alike(list(itertools.combinations(get_args(Outcome), 2)), scheme, vision) == {}
 
 
 @pytest.mark.parametrize("vision", VISIONS)
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_ego_is_told_from_all_others_with_any_colour_vision(scheme: str, vision: str) -> None:
+def test_the_ego_is_distinguishable_with_any_colour_vision(scheme: str, vision: str) -> None:
     assert alike([("ego", other) for other in USERS], scheme, vision) == {}

@@ -26,13 +26,13 @@ def beside_one_another(*, oncoming: bool, named_back: bool = True) -> list[Lanel
 
 
 @pytest.mark.parametrize("oncoming", [True, False])
-def test_a_border_of_two_lanelets_is_one_line(oncoming: bool) -> None:
+def test_a_common_border_of_two_lanelets_is_one_line(oncoming: bool) -> None:
     lanelets = beside_one_another(oncoming=oncoming)
     assert [line.tolist() for line in dividers(lanelets)] == [EASTBOUND.tolist()]
     assert len(list(dividers(lanelets[::-1]))) == 1
 
 
-def test_a_border_is_kept_where_its_neighbour_is_missing_or_does_not_name_it() -> None:
+def test_a_border_is_kept_if_its_neighbour_is_missing_or_does_not_name_it() -> None:
     first, second = beside_one_another(oncoming=False)
     assert [len(list(dividers([one]))) for one in (first, second)] == [1, 1]
     assert len(list(dividers(beside_one_another(oncoming=False, named_back=False)))) == 1
@@ -40,14 +40,14 @@ def test_a_border_is_kept_where_its_neighbour_is_missing_or_does_not_name_it() -
     assert len(list(dividers(last))) == 1
 
 
-def test_dashes_lie_where_they_lie_in_whichever_part_of_the_road_is_shown() -> None:
+def test_dashes_keep_their_place_in_every_part_of_the_road() -> None:
     west, east = Viewport(-10, -20, 90, 20), Viewport(50, -20, 150, 20)
     found = [{tuple(dash[0]) for dash in dashes([EASTBOUND], shown)} for shown in (west, east)]
     inside = [{begin for begin in begins if 51 < begin[0] < 88} for begins in found]
     assert inside[0] == inside[1] != set()
 
 
-def test_dashes_follow_a_bend_and_leave_gaps() -> None:
+def test_dashes_follow_a_curve_and_leave_gaps() -> None:
     bend = np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0)])
     found = dashes([bend], Viewport(-50, -50, 50, 50))
     lengths = [np.linalg.norm(np.diff(dash, axis=0), axis=1).sum() for dash in found]

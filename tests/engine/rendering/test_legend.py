@@ -26,7 +26,7 @@ def test_a_traffic_light_has_the_mark_and_colour_of_its_state(state: str) -> Non
     assert same_color(colour, light_mark(state)[1])
 
 
-def test_every_state_has_an_entry_and_a_mark_of_its_own() -> None:
+def test_every_state_has_its_own_entry_and_mark() -> None:
     states = ("red", "redYellow", "yellow", "green", "inactive")
     found = legend_of(*states)
     assert len(found) == len(set(found.values())) == len(states)

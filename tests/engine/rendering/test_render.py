@@ -90,7 +90,7 @@ def test_animation_moves_and_ends_with_the_run(
         assert opened.convert("RGB").tobytes() != first
 
 
-def test_strip_beside_an_animation_shows_its_moments(
+def test_the_strip_next_to_an_animation_shows_its_moments(
     tmp_path: Path, town: ScenarioSource, pair: tuple[RunSource, RunSource]
 ) -> None:
     request = RenderRequest(kind="animation", scenarios=(town,), runs=pair[:1], folder=str(tmp_path))
@@ -111,7 +111,7 @@ def test_long_recordings_are_thinned_to_few_frames(tmp_path: Path, town: Scenari
         assert opened.n_frames <= 60  # type: ignore[attr-defined]
 
 
-def test_two_scenarios_stand_side_by_side(tmp_path: Path, town: ScenarioSource) -> None:
+def test_two_scenarios_are_shown_side_by_side(tmp_path: Path, town: ScenarioSource) -> None:
     other = town.model_copy(update={"scenario_id": "ZAM_Other-1_1_T-1"})
     image = drawn(tmp_path / "out", scenarios=(town, other))
     assert image.width_px == 1500
@@ -159,7 +159,7 @@ def test_a_picture_is_of_the_surroundings_of_a_road_user(tmp_path: Path, town: S
     assert Path(other.path).read_bytes() != Path(ego.path).read_bytes()
 
 
-def test_a_road_user_that_is_not_there_is_refused_with_those_that_are(tmp_path: Path, town: ScenarioSource) -> None:
+def test_an_absent_road_user_is_refused_with_the_present_ones(tmp_path: Path, town: ScenarioSource) -> None:
     with pytest.raises(UnknownName) as caught:
         drawn(tmp_path / "out", scenarios=(town,), focus=99)
     assert "31" in caught.value.valid
@@ -179,7 +179,7 @@ def test_real_scenarios_are_drawn(tmp_path: Path, shared_data: Path, name: str) 
     assert "in view" in image.alt_text
 
 
-def test_every_kind_that_can_be_asked_for_is_drawn() -> None:
+def test_every_kind_that_can_be_requested_is_drawn() -> None:
     of_scenarios, of_a_study = {"auto", "picture", "animation"}, {"search"}
     assert of_scenarios | of_a_study | set(CHARTS) == set(get_args(PictureKind))
 

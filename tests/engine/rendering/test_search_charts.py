@@ -47,13 +47,13 @@ def _drawn(study: StudyRecord, folder: Path) -> str:
     return made.images[0].alt_text
 
 
-def test_a_search_is_drawn_with_its_best_and_what_changes_bring(tmp_path: Path) -> None:
+def test_a_search_is_drawn_with_its_best_candidate_and_the_gain_of_changes(tmp_path: Path) -> None:
     words = _drawn(_study(), tmp_path)
     assert "the base has 0.500, the best 0.560" in words
     assert "jerk from 0 to 2 brings 0.060" in words
 
 
-def test_where_nothing_was_better_the_chart_says_so(tmp_path: Path) -> None:
+def test_a_search_without_improvement_says_so_in_the_chart(tmp_path: Path) -> None:
     assert "Nothing better was found" in _drawn(_study().model_copy(update={"changes": ()}), tmp_path)
 
 

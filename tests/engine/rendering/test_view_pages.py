@@ -92,7 +92,7 @@ def test_space_plays_to_the_end_and_stops_there(page: Page) -> None:
     assert page.value(f"{PLAYER}.step") == 40
 
 
-def test_figures_of_the_moment_are_those_of_the_run(page: Page) -> None:
+def test_figures_of_the_moment_match_the_run(page: Page) -> None:
     page.value(f"{PLAYER}.seek(10)")
     figures = shown(page, ".now")
     for part in ("10.0 m/s", "velocity offset\t3.000", "prediction\t0.300", "cost\t3.300"):
@@ -116,7 +116,7 @@ def test_click_on_a_vehicle_shows_its_data(page: Page) -> None:
     assert "Click a vehicle" in shown(page, ".picked")
 
 
-def test_slider_stays_where_it_is_while_time_goes_by(page: Page) -> None:
+def test_the_slider_keeps_its_position_during_playback(page: Page) -> None:
     page.press("Home")
     at_rest = page.box(".scrub input")
     page.press(" ")
@@ -132,7 +132,7 @@ def test_moments_lead_to_their_step(page: Page) -> None:
     assert page.value(f"{PLAYER}.step") == 40
 
 
-def test_pointer_on_the_chart_tells_figures_and_a_click_goes_there(page: Page) -> None:
+def test_the_pointer_on_the_chart_shows_figures_and_a_click_goes_there(page: Page) -> None:
     page.value(f"{PLAYER}.chartSelect.selectedIndex = {PLAYER}.charts.length - 1; {PLAYER}.chartSelect.onchange()")
     chart = page.box(".chart canvas")
     x, y = chart.point()[0], chart.top + 40
@@ -175,7 +175,7 @@ def test_two_panes_move_together(browser: Browser, folder: Path, town: ScenarioS
     assert page.errors == []
 
 
-def test_hostile_names_run_nothing_and_load_nothing(browser: Browser, folder: Path, town: ScenarioSource) -> None:
+def test_hostile_names_run_no_script_and_load_no_address(browser: Browser, folder: Path, town: ScenarioSource) -> None:
     page = opened(browser, folder, HOSTILE, ViewPane(scenario=town, run=hit(folder, HOSTILE)))
     assert page.value("window.broken") is None
     assert "</script><script>window.broken=1</script>" in page.value("document.querySelector('.stage').innerText")
@@ -212,7 +212,7 @@ def test_board_shows_outcomes_and_its_filters_hide_rows(board: Page) -> None:
     ]
 
 
-def test_board_opens_a_run_in_the_player_and_comes_back(board: Page) -> None:
+def test_a_board_opens_a_run_in_the_player_and_returns(board: Page) -> None:
     board.press("ArrowRight")
     board.press("Enter")
     board.wait_for("document.querySelector('.stage')")
@@ -236,7 +236,7 @@ def test_board_opens_a_run_next_to_that_of_the_first_column(board: Page) -> None
     assert board.errors == []
 
 
-def test_page_without_data_and_host_says_so(browser: Browser, folder: Path) -> None:
+def test_a_page_without_data_and_host_says_so(browser: Browser, folder: Path) -> None:
     file = folder / "empty.html"
     file.write_text(empty_page("player"), encoding="utf-8")
     page = browser.open(file.as_uri())

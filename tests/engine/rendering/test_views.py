@@ -146,14 +146,14 @@ def test_run_that_was_stored_without_series_is_shown_without(folder: Path, town:
     assert (drive.series, drive.planned, drive.told, drive.areas) == ({}, {}, {}, ())
 
 
-def test_reactive_traffic_stands_beside_the_recording(folder: Path, town: ScenarioSource) -> None:
+def test_reactive_traffic_is_shown_next_to_the_recording(folder: Path, town: ScenarioSource) -> None:
     run = source(record(TOWN, config=SAFE), folder, others=(driven(60.0, 0.0, 5.0),))
     (pane,) = player(folder, ViewPane(scenario=town, run=run)).panes
     assert pane.drive is not None
     assert [(track.obstacle_id, track.driven) for track in pane.drive.others] == [(7, True)]
 
 
-def test_run_without_states_is_told_and_the_scenario_shown(folder: Path, town: ScenarioSource) -> None:
+def test_a_run_without_states_is_reported_and_its_scenario_shown(folder: Path, town: ScenarioSource) -> None:
     view = player(folder, ViewPane(scenario=town, run=source(record(TOWN, "invalid"))))
     assert view.panes[0].drive is None
     assert "has no driven states" in view.notes[0]
@@ -196,13 +196,13 @@ def board(
     return BoardView.model_validate_json(Path(write_view(request, silent).path).read_bytes())
 
 
-def test_board_has_a_column_a_configuration_and_says_what_flipped(folder: Path, town: ScenarioSource) -> None:
+def test_a_board_has_a_column_for_each_configuration_and_lists_flips(folder: Path, town: ScenarioSource) -> None:
     runs = source(collided(), folder), source(record(TOWN, "goal_reached", SAFE), folder)
     lost = LostCell(scenario_id=TOWN, config_id="cfg_c", error="the worker died")
     view = board(folder, town, (batch(*runs, lost=(lost,)),), *runs)
     assert [column.title for column in view.columns] == ["frenetix:Default", "frenetix:Safe"]
     assert view.columns[0].outcomes == {"collision": 1}
-    assert view.columns[1].success.startswith("1 of 1 valid runs reached the goal: 100 %")
+    assert view.columns[1].success.startswith("1 of 1 valid runs reached the goal: 100%")
     assert [(run.row, run.column, run.flip) for run in view.runs] == [(0, 0, None), (0, 1, "to_success")]
     assert view.lost == (f"{TOWN} under cfg_c: the worker died",)
     speed = [metric.words for metric in view.metrics].index("mean speed")
@@ -227,10 +227,10 @@ def test_a_board_has_the_intervals_of_an_analysis(folder: Path, town: ScenarioSo
     success = RunSet(runs, lineage=lineage).rate(run.record for run in runs)
     assert success.low is not None
     assert success.high is not None
-    assert f"{100 * success.low:.0f} to {100 * success.high:.0f} %" in view.columns[0].success
+    assert f"{100 * success.low:.0f} to {100 * success.high:.0f}%" in view.columns[0].success
 
 
-def test_board_that_is_whole_holds_what_its_player_shows(folder: Path, town: ScenarioSource) -> None:
+def test_a_complete_board_contains_its_player_s_data(folder: Path, town: ScenarioSource) -> None:
     runs = source(collided(), folder, velocity_offset=3.0), source(record(TOWN, config=SAFE), folder)
     whole = board(folder, town, (batch(*runs),), *runs)
     lean = board(folder, town, (batch(*runs),), *runs, whole=False)
@@ -251,7 +251,7 @@ def test_two_batches_of_one_configuration_are_two_columns(folder: Path, town: Sc
     ]
 
 
-def test_invalid_run_is_no_flip(folder: Path, town: ScenarioSource) -> None:
+def test_an_invalid_run_is_not_a_flip(folder: Path, town: ScenarioSource) -> None:
     runs = source(record(TOWN, "goal_reached")), source(record(TOWN, "invalid", SAFE))
     view = board(folder, town, (), *runs)
     assert [run.flip for run in view.runs] == [None, None]
@@ -296,7 +296,7 @@ def test_hostile_names_stay_text_in_the_page(folder: Path, town: ScenarioSource)
 
 
 @pytest.mark.parametrize("kind", get_args(ViewKind))
-def test_page_loads_nothing_and_runs_its_own_script_alone(kind: ViewKind) -> None:
+def test_a_page_loads_no_address_and_runs_only_its_own_script(kind: ViewKind) -> None:
     page = filled_page(kind, "town", "{}")
     tags = Tags(page)
     assert not [tag for tag, attributes in tags.tags if {"src", "href", "srcset", "action"} & set(attributes)]
@@ -312,7 +312,7 @@ def test_page_of_a_host_differs_in_title_policy_and_data_alone() -> None:
     assert re.sub(r"<meta http-equiv.*?>", "", filled) == empty
 
 
-def test_colours_are_those_of_the_pictures() -> None:
+def test_colours_match_those_of_the_pictures() -> None:
     style = re.search(r"<style>(.*?)</style>", empty_page("player"), re.DOTALL)
     assert style is not None
     pairs = re.findall(r"--([\w-]+): (?:light-dark\()?(#[0-9a-f]{6})", style[1])

@@ -71,7 +71,7 @@ def test_on_the_ego_s_lanelet_is_the_same_lane_at_the_edge_of_the_map_too(tmp_pa
     assert described(path).vehicles[0].where == "4 m behind, same lane"
 
 
-def test_a_place_that_the_lane_reaches_the_long_way_round_is_told_by_both_distances(tmp_path: Path) -> None:
+def test_a_place_that_the_lane_reaches_by_a_detour_is_described_by_both_distances(tmp_path: Path) -> None:
     lanes = (
         Lane(1, line((0, 0), (100, 0)), successors=(2,)),
         Lane(2, arc((100, 10), 10, -math.pi / 2, math.pi), predecessors=(1,), successors=(3,)),
@@ -92,7 +92,7 @@ def test_the_ego_s_own_recording_is_named(tmp_path: Path, speed_mps: float, wher
     assert (vehicle.gap_m is None) == (where == OWN_RECORDING)
 
 
-def test_a_vehicle_that_comes_later_says_when(tmp_path: Path) -> None:
+def test_a_vehicle_that_enters_later_states_its_time(tmp_path: Path) -> None:
     later = town_road().with_vehicles(driving(40, (100, 0), 10.0, 50, first_step=20))
     vehicle = described(later.write(tmp_path / "later.xml")).vehicles[0]
     assert vehicle.from_s == pytest.approx(2.0)
@@ -119,7 +119,7 @@ def test_the_focus_moves_the_centre(town: Path) -> None:
     assert described(town, "lanelets", focus="13", radius_m=5).lanelets[0].lanelet_id in (1, 13)
 
 
-def test_a_focus_says_where_it_was_recorded_to_drive_and_what_it_can_reach(town: Path) -> None:
+def test_a_focus_states_its_recorded_route_and_its_reachable_lanelets(town: Path) -> None:
     asked = described(town, focus="lead").asked
     assert asked is not None
     assert (asked.name, asked.what) == ("vehicle 31", "lead")
@@ -133,13 +133,13 @@ def test_a_focus_says_where_it_was_recorded_to_drive_and_what_it_can_reach(town:
     assert distances == sorted(distances)
 
 
-def test_a_word_that_means_several_says_that_the_first_is_shown(town: Path) -> None:
+def test_a_word_that_matches_several_vehicles_shows_the_first_and_says_so(town: Path) -> None:
     asked = described(town, focus="nearest:2").asked
     assert asked is not None
     assert asked.what == "nearest:2, the first of 2"
 
 
-def test_the_radius_bounds_what_is_listed(town: Path) -> None:
+def test_the_radius_bounds_the_list(town: Path) -> None:
     found = described(town, radius_m=22)
     assert [vehicle.vehicle_id for vehicle in found.vehicles] == [33]
     assert found.vehicles_total == 5

@@ -42,7 +42,7 @@ def test_the_ego_its_lanes_and_its_goal(tmp_path: Path) -> None:
         ((250.0, 3.5, 8.0, 3.0), "ego_changes_lane"),
     ],
 )
-def test_the_way_to_the_goal_is_a_feature(
+def test_the_route_to_the_goal_is_a_feature(
     tmp_path: Path, goal: tuple[float, float, float, float], feature: str
 ) -> None:
     features = facts_of(replace(town_road(), problems=(Problem(goal=goal),)), tmp_path).features
@@ -133,7 +133,7 @@ def test_a_scenario_that_begins_later_has_the_same_traffic(tmp_path: Path) -> No
         ("unknown", "02:00:00", "fog", ("fog",)),
     ],
 )
-def test_weather_and_time_are_those_of_the_environment_of_our_own_files(
+def test_weather_and_time_come_from_the_environment_of_our_own_files(
     tmp_path: Path, time_of_day: str, time: str, weather: str, expected: tuple[str, ...]
 ) -> None:
     path = town_road().write(tmp_path / "scenario.xml")

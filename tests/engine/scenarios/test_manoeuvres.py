@@ -74,7 +74,7 @@ def test_a_manoeuvre_is_found_with_the_type_that_makes_it(name: str, tmp_path: P
 
 
 @pytest.mark.parametrize("name", QUIET)
-def test_traffic_that_does_nothing_of_the_kind_has_no_manoeuvre(name: str, tmp_path: Path) -> None:
+def test_traffic_without_manoeuvres_has_none(name: str, tmp_path: Path) -> None:
     facts = facts_of(town_road().with_vehicles(*QUIET[name]), tmp_path)
     assert facts.ego is not None
     assert facts.ego.manoeuvres == ()
@@ -120,13 +120,13 @@ def test_a_left_turn_across_oncoming_lanes_without_a_light_is_unprotected(tmp_pa
     assert {"ego_turns_left", "unprotected_left"} <= set(features)
 
 
-def test_going_straight_on_at_the_same_junction_is_no_unprotected_left(tmp_path: Path) -> None:
+def test_going_straight_at_the_same_junction_is_not_an_unprotected_left(tmp_path: Path) -> None:
     features = facts_of(crossroads(goal=(180.0, 0.0)), tmp_path).features
     assert "ego_goes_straight" in features
     assert "unprotected_left" not in features
 
 
-def test_an_oncoming_vehicle_that_turns_across_is_no_crossing_one(tmp_path: Path) -> None:
+def test_an_oncoming_vehicle_that_turns_across_is_not_a_crossing_one(tmp_path: Path) -> None:
     points = [*line((150, 5), (120, 5), 20), *arc((120, -10), 15, math.pi / 2, math.pi, 20)]
     steps = pairwise(points)
     poses = tuple((a[0], a[1], math.atan2(b[1] - a[1], b[0] - a[0]), 12.0) for a, b in steps if a != b)

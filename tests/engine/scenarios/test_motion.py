@@ -43,7 +43,7 @@ def motion(folder: Path, *vehicles: Vehicle, focus: str) -> DescribedMotion:
     return asked.motion
 
 
-def test_a_vehicle_brakes_for_the_one_that_it_follows(tmp_path: Path) -> None:
+def test_a_vehicle_brakes_for_its_leader(tmp_path: Path) -> None:
     seen = motion(
         tmp_path,
         slowing(71, (60, 0), lambda t: 10.0 if t < 2 else max(10.0 - 3.0 * (t - 2), 4.0)),
@@ -58,20 +58,20 @@ def test_a_vehicle_brakes_for_the_one_that_it_follows(tmp_path: Path) -> None:
     assert min(one.acceleration_mps2 for one in seen.moments) == pytest.approx(-3.0, abs=0.5)
 
 
-def test_a_vehicle_brakes_for_one_that_crosses_and_for_nothing_that_is_seen(tmp_path: Path) -> None:
+def test_a_vehicle_brakes_for_crossing_traffic_and_without_a_visible_reason(tmp_path: Path) -> None:
     braking = slowing(71, (60, 0), lambda t: 10.0 if t < 1 else max(10.0 - 4.0 * (t - 1), 0.0))
     crossing = driving(73, (85, -12), 5.0, STEPS, heading_rad=math.pi / 2)
     assert motion(tmp_path, braking, crossing, focus="71").events[0].cause == "crossing"
     assert motion(tmp_path, braking, focus="71").events[0].cause == "unknown"
 
 
-def test_a_change_of_lane_is_told_with_its_side(tmp_path: Path) -> None:
+def test_a_change_of_lane_is_reported_with_its_side(tmp_path: Path) -> None:
     poses = tuple((40 + step, min(step * 0.1, 3.5), 0.1, 10.0) for step in range(STEPS))
     events = motion(tmp_path, Vehicle(74, poses), focus="74").events
     assert [(event.code, "left" in event.words) for event in events] == [("changes_lane", True)]
 
 
-def test_all_are_described_where_they_are_at_a_time(tmp_path: Path) -> None:
+def test_all_vehicles_are_described_at_a_time(tmp_path: Path) -> None:
     shown = described(tmp_path, driving(75, (60, 0), 10.0, STEPS), focus="75", time_s=3.0)
     assert shown.asked is not None
     assert shown.asked.vehicle is not None

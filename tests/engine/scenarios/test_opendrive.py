@@ -161,14 +161,14 @@ def test_each_joint_keeps_its_links_without_a_gap(lanes: tuple[Lane, ...], tmp_p
     asam_schema("opendrive_17_core.xsd").assertValid(etree.parse(tmp_path / "joint.xodr"))
 
 
-def test_a_link_between_lanelets_far_apart_is_left_out_and_told(tmp_path: Path) -> None:
+def test_a_link_between_lanelets_far_apart_is_left_out_and_reported(tmp_path: Path) -> None:
     lanes = Lane(1, WEST, (2,)), Lane(2, line((50, 3.5), (100, 3.5)))
     told = exported(network(*lanes).write(tmp_path / "apart.xml"), tmp_path / "apart.xodr")
     assert told.lost == ("1 link between lanelets that do not meet",)
     assert linked(tmp_path / "apart.xodr") == set()
 
 
-def test_what_is_told_of_the_bounds_is_what_another_reader_finds(tmp_path: Path) -> None:
+def test_the_reported_bounds_match_another_reader_s(tmp_path: Path) -> None:
     told = exported(town_road().write(tmp_path / "town.xml"), tmp_path / "town.xodr").geometry
     assert told is not None
     assert told.within_share == 1.0
@@ -177,7 +177,7 @@ def test_what_is_told_of_the_bounds_is_what_another_reader_finds(tmp_path: Path)
     assert np.abs(right[:, 1] - 1.75).max() < 0.01
 
 
-def test_a_bound_that_was_moved_in_the_file_is_told(tmp_path: Path) -> None:
+def test_a_bound_that_was_moved_in_the_file_is_reported(tmp_path: Path) -> None:
     source = town_road().write(tmp_path / "town.xml")
     exported(source, tmp_path / "town.xodr")
     root = etree.parse(tmp_path / "town.xodr").getroot()
@@ -253,7 +253,7 @@ def located(folder: Path, projection: str, turned: str = "0.0") -> tuple[str, Fo
     "projection",
     ["+proj=utm +zone=32 +ellps=WGS84 +units=m +no_defs", "+proj=tmerc +lat_0=48 +lon_0=9 +k=1 +x_0=7 +ellps=WGS84"],
 )
-def test_the_file_says_where_on_earth_its_roads_lie(projection: str, tmp_path: Path) -> None:
+def test_the_file_states_the_location_of_its_roads_on_earth(projection: str, tmp_path: Path) -> None:
     written, told = located(tmp_path, projection)
     assert told.lost == ()
     expected = Proj(projection)(650_100.0, 5_300_200.5, inverse=True)
@@ -264,13 +264,13 @@ def test_the_file_says_where_on_earth_its_roads_lie(projection: str, tmp_path: P
     ("projection", "turned"),
     [("+proj=tmerc +lat_0=48 +lon_0=9 +units=us-ft", "0.0"), ("+proj=utm +zone=32", "0.3"), ("EPSG:25832", "0.0")],
 )
-def test_a_geo_reference_that_cannot_be_kept_is_told(projection: str, turned: str, tmp_path: Path) -> None:
+def test_a_geo_reference_that_cannot_be_kept_is_reported(projection: str, turned: str, tmp_path: Path) -> None:
     written, told = located(tmp_path, projection, turned)
     assert not written
     assert told.lost == ("the geo-reference",)
 
 
-def test_netconvert_reads_the_lanes_where_they_were(town: Path, tmp_path: Path) -> None:
+def test_netconvert_reads_the_lanes_at_their_positions(town: Path, tmp_path: Path) -> None:
     """SUMO's reader, which shares nothing with the writer: its lanes lie on the middle of the lanelets."""
     net = tmp_path / "town.net.xml"
     run_netconvert(["--opendrive-files", str(town), "--opendrive.curve-resolution", "1"], net)
@@ -285,7 +285,7 @@ def test_netconvert_reads_the_lanes_where_they_were(town: Path, tmp_path: Path) 
     assert max(float(shape[:, 0].max()) for shape in shapes) - x_m == pytest.approx(300.0, abs=0.1)
 
 
-def test_pavements_and_crossings_are_left_out_and_told(tmp_path: Path) -> None:
+def test_pavements_and_crossings_are_left_out_and_reported(tmp_path: Path) -> None:
     path = town_road().write(tmp_path / "town.xml")
     bounds = "".join(
         f"<{side}><point><x>0</x><y>{y}</y></point><point><x>50</x><y>{y}</y></point></{side}>"
@@ -303,7 +303,7 @@ def with_friction(source: Path, friction: float) -> Path:
     return source
 
 
-def test_the_friction_of_the_roads_stands_at_every_lane_and_comes_back(tmp_path: Path) -> None:
+def test_the_friction_of_the_roads_is_written_for_every_lane_and_read_again(tmp_path: Path) -> None:
     exported(with_friction(town_road().write(tmp_path / "town.xml"), 0.2), tmp_path / "town.xodr")
     root = etree.parse(tmp_path / "town.xodr")
     asam_schema("opendrive_17_core.xsd").assertValid(root)
@@ -313,7 +313,7 @@ def test_the_friction_of_the_roads_stands_at_every_lane_and_comes_back(tmp_path:
     assert not any(words.startswith("friction") for words in lost)
 
 
-def test_frictions_that_differ_are_told_and_left_out(tmp_path: Path) -> None:
+def test_frictions_that_differ_are_reported_and_left_out(tmp_path: Path) -> None:
     exported(with_friction(town_road().write(tmp_path / "town.xml"), 0.2), tmp_path / "town.xodr")
     root = etree.parse(tmp_path / "town.xodr")
     next(root.iter("material")).set("friction", "0.8")

@@ -36,7 +36,7 @@ def play(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("vehicle", [LATE, WALKER, BUS], ids=lambda vehicle: vehicle.kind)
-def test_centres_are_where_they_were_at_every_step(vehicle: Vehicle, play: Path) -> None:
+def test_centres_keep_their_positions_at_every_step(vehicle: Vehicle, play: Path) -> None:
     root = ElementTree.parse(play).getroot()
     name = f"{vehicle.kind}_{vehicle.vehicle_id}"
     ahead = float(root.find(f".//ScenarioObject[@name='{name}']//Center").get("x"))  # type: ignore[union-attr,arg-type]
@@ -71,7 +71,7 @@ def test_the_ego_has_its_initial_state_and_no_trajectory(play: Path) -> None:
     assert root.find(".//EntityRef[@entityRef='Ego']") is None
 
 
-def test_the_roads_are_those_of_the_file_beside_it(play: Path) -> None:
+def test_the_roads_match_the_road_file_next_to_it(play: Path) -> None:
     logic = ElementTree.parse(play).getroot().find(".//LogicFile")
     assert logic is not None
     assert logic.get("filepath") == "town.xodr"
@@ -81,7 +81,7 @@ def test_the_file_keeps_to_the_schema_of_the_standard(play: Path) -> None:
     asam_schema("OpenSCENARIO_1_2.xsd").assertValid(etree.parse(play))
 
 
-def test_what_the_format_lacks_is_told(tmp_path: Path) -> None:
+def test_losses_of_the_format_are_reported(tmp_path: Path) -> None:
     told = exported(town_road().with_vehicles(LATE).write(tmp_path / "town.xml"), tmp_path / "town.xosc").lost
     assert any("goal" in words for words in told)
     assert any("entering later" in words for words in told)
@@ -110,7 +110,7 @@ def test_names_of_the_file_stay_text(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "<commonRoad", "<!DOCTYPE a [<!ENTITY b 'c'>]><commonRoad>&b;</commonRoad>"])
-def test_a_broken_scenario_is_refused_and_nothing_is_written(text: str, tmp_path: Path) -> None:
+def test_a_broken_scenario_is_refused_without_writing_files(text: str, tmp_path: Path) -> None:
     (tmp_path / "bad.xml").write_text(text)
     with pytest.raises(UnsafeInput):
         exported(tmp_path / "bad.xml", tmp_path / "bad.xosc")

@@ -8,7 +8,7 @@ from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.scene.scene import Scene
 
 
-def test_the_lanelets_of_all_poses_are_those_of_each(tmp_path: Path) -> None:
+def test_the_lanelets_of_all_poses_match_those_of_each_pose(tmp_path: Path) -> None:
     for match in _scene(tmp_path).matches.values():
         assert match.at_each(151) == [match.at(index) for index in range(151)]
 

@@ -82,7 +82,7 @@ def test_a_collision_with_one_is_reported_once(edit: EditBase) -> None:
     assert 0.0 < hit.time_s < 1.0
 
 
-def test_the_ego_s_danger_counts_them(edit: EditBase) -> None:
+def test_the_ego_s_risk_counts_them(edit: EditBase) -> None:
     outcome = edit({"op": "remove_vehicle", "vehicles": ["31"]}, {"op": "remove_vehicle", "vehicles": ["32"]}).outcome
     assert outcome.ego_before is not None
     assert outcome.ego_before.minimum_time_to_collision_s is not None
@@ -128,7 +128,7 @@ def test_growing_occupancies_are_bounded_by_tracks_that_are_not_much_larger() ->
         assert there.speeds_mps[step - there.first_step] == pytest.approx(5.0)
 
 
-def test_rectangles_point_where_they_move_and_not_where_they_were_measured() -> None:
+def test_rectangles_point_in_their_direction_of_motion() -> None:
     north = {step: Rectangle(1.8, 4.5, np.array([0.0, 0.5 * step])) for step in range(1, 6)}
     (track,) = occupied_regions(scenario(obstacle(7, north, heading_rad=np.pi / 2)))[7]
     assert track.headings_rad == pytest.approx(np.full(6, np.pi / 2))
@@ -147,7 +147,7 @@ def test_every_kind_of_shape_is_bounded() -> None:
     assert sorted(t.positions[3 - t.first_step][1] for t in at[3]) == pytest.approx([0.0, 8.0])
 
 
-def test_occupancies_over_intervals_and_none_at_all() -> None:
+def test_occupancies_over_intervals_and_missing_occupancies() -> None:
     held = obstacle(7, {Interval(1, 10): Rectangle(4.5, 1.8, np.array([3.0, 0.0]))})
     regions = occupied_regions(scenario(held, obstacle(8, {})))
     assert [(track.first_step, track.last_step) for track in regions[7]] == [(0, 10)]

@@ -52,14 +52,14 @@ def test_an_ego_over_the_centre_line_has_a_route_and_drives_it() -> None:
     assert drive(scenario_on(network), problem).final.outcome == "goal_reached"
 
 
-def test_of_lanes_of_one_direction_only_that_under_the_pose_counts() -> None:
+def test_of_lanes_of_one_direction_only_the_one_under_the_pose_counts() -> None:
     x = np.linspace(-20.0, 180.0, 41)
     lanes = [lanelet_along(np.stack([x, np.full(41, 3.5 * lane)], axis=1), 10 + lane) for lane in range(3)]
     assert lanelets_of_pose(network_of(*lanes), np.array([50.0, 3.6]), 0.0) == (11,)
     assert lanelets_of_pose(network_of(*lanes), np.array([50.0, 5.2]), 0.0) == (11,)
 
 
-def test_a_lane_that_crosses_is_no_start_for_an_ego_that_hangs_over_its_own() -> None:
+def test_a_crossing_lane_is_not_a_start_for_an_ego_that_overhangs_its_own() -> None:
     x, y = np.linspace(-20.0, 20.0, 41), np.linspace(1.75, 30.0, 30)
     north = np.stack([np.full(30, 5.0), y], axis=1)
     lean = np.stack([5.0 + 0.3 * (y - y[0]), y], axis=1)  # leads 73° off the ego's heading

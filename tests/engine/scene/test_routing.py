@@ -31,7 +31,7 @@ def left_then_right(apart_m: float) -> ScenarioBuilder:
 
 
 @pytest.mark.parametrize(("apart_m", "turns"), [(80.0, ("left", "right")), (15.0, ())])
-def test_a_way_turns_at_each_junction_and_forks_close_together_are_one(
+def test_a_route_turns_at_each_junction_and_forks_close_together_are_one(
     tmp_path: Path, apart_m: float, turns: tuple[str, ...]
 ) -> None:
     loaded = read_scenario(left_then_right(apart_m).write(tmp_path / "scenario.xml"))
@@ -74,7 +74,7 @@ def test_a_lane_for_left_turns_alone_turns_left(tmp_path: Path) -> None:
     assert "ego_goes_straight" not in features
 
 
-def test_a_side_street_that_ends_on_a_road_turns_where_it_must(tmp_path: Path) -> None:
+def test_a_side_street_that_ends_on_a_road_is_a_turn(tmp_path: Path) -> None:
     lanes = (
         Lane(1, line((0, 0), (100, 0)), successors=(2,)),
         Lane(2, arc((100, 20), 20, -math.pi / 2, 0), predecessors=(1,), successors=(3,)),
@@ -84,7 +84,7 @@ def test_a_side_street_that_ends_on_a_road_turns_where_it_must(tmp_path: Path) -
     assert _way(tmp_path, lanes, (120.0, 100.0))[0] == "turns left"
 
 
-def test_a_road_that_bends_without_a_junction_is_neither_a_turn_nor_straight_on(tmp_path: Path) -> None:
+def test_a_road_that_curves_without_a_junction_is_neither_a_turn_nor_straight_on(tmp_path: Path) -> None:
     lanes = (
         Lane(1, line((0, 0), (100, 0)), successors=(2,)),
         Lane(2, arc((100, 20), 20, -math.pi / 2, 0), predecessors=(1,), successors=(3,)),

@@ -29,7 +29,7 @@ def region(x_m: float, y_m: float) -> str:
     return f"<position><rectangle>{size}<center><x>{x_m}</x><y>{y_m}</y></center></rectangle></position>"
 
 
-def test_an_obstacle_that_stands_somewhere_in_a_region_is_there(tmp_path: Path) -> None:
+def test_a_standing_obstacle_with_an_uncertain_position_is_in_its_region(tmp_path: Path) -> None:
     point = "<position><point><x>120.0000</x><y>0.0000</y></point></position>"
     scene = scene_with(tmp_path, (point, region(121.0, 0.5)))
     assert scene.standing[50].positions[0] == pytest.approx([121.0, 0.5])

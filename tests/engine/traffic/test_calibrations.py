@@ -45,7 +45,7 @@ def test_every_calibration_names_its_source_with_the_year_and_sets_something() -
         assert any(year in calibration.source for year in ("2019", "2022", "2024")), name
 
 
-def test_drivers_with_gaps_of_their_own_are_types_of_their_own() -> None:
+def test_drivers_with_their_own_gaps_are_their_own_types() -> None:
     cars = types("car", "m25_gaps", "gb_motorway")
     assert len({car.get("tau") for car in cars}) == len(cars) == 20
     assert {car.get("accel") for car in cars} == {"2.6"}, "what the source does not say stays as usual"

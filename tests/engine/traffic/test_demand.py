@@ -22,7 +22,7 @@ def test_more_trips_begin_before_a_ring_than_before_a_dead_end() -> None:
     assert counts["in"] > 3 * counts["dead"]
 
 
-def test_more_trips_begin_at_the_beginning_of_a_way_than_at_its_end() -> None:
+def test_more_trips_begin_at_the_beginning_of_a_route_than_at_its_end() -> None:
     roads = [Road(f"r{n}", f"j{n}", f"j{n + 1}", [(100 * n, 0), (100 * n + 100, 0)]) for n in range(4)]
     counts = begins(roads, [(f"r{n}", f"r{n + 1}") for n in range(3)])
     assert counts["r0"] > 2 * counts["r3"] > 0

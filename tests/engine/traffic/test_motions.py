@@ -22,22 +22,22 @@ def names(kept: tuple[GeneratedVehicle, ...]) -> set[str]:
     return {vehicle.vehicle_id for vehicle in kept}
 
 
-def test_of_those_that_overlap_the_one_that_overlaps_most_goes() -> None:
+def test_of_overlapping_vehicles_the_one_with_most_overlaps_is_removed() -> None:
     row = [standing("a", 0), standing("b", 4), standing("c", 8), standing("d", 30)]
     assert names(drop_infeasible(row, {})[0]) == {"a", "c", "d"}
 
 
-def test_a_requested_class_stays_and_the_car_next_to_it_goes() -> None:
+def test_a_requested_class_stays_and_the_car_next_to_it_is_removed() -> None:
     row = [standing("bus", 0, "bus"), standing("one", 7), standing("other", 30)]
     assert names(drop_infeasible(row, {"bus": 1})[0]) == {"bus", "other"}
 
 
-def test_what_cannot_be_driven_goes_unless_its_class_was_asked_for() -> None:
+def test_an_undrivable_vehicle_is_removed_unless_its_class_was_requested() -> None:
     row = [standing("a", 0, feasible=False), standing("b", 20), standing("bus", 50, "bus", feasible=False)]
     assert names(drop_infeasible(row, {"bus": 1, "car": 1})[0]) == {"b", "bus"}
 
 
-def test_the_centre_of_a_long_vehicle_keeps_to_the_lane_in_a_bend() -> None:
+def test_the_centre_of_a_long_vehicle_keeps_to_the_lane_in_a_curve() -> None:
     """Straight on, a quarter turn of 15 m radius, straight on, with 7 m/s; the line is the lane's."""
     turn = np.linspace(0, math.pi / 2, 34)
     bend = np.stack([RADIUS_M * np.sin(turn), RADIUS_M * (1 - np.cos(turn))], axis=1)

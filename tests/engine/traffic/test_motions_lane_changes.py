@@ -28,7 +28,7 @@ def test_a_lane_change_at_speed_stays_as_it_is() -> None:
     assert on_wheels(track, along, aside) == pytest.approx(track, abs=1e-9)
 
 
-def test_a_vehicle_that_stands_does_not_slide_into_the_next_lane() -> None:
+def test_a_standing_vehicle_does_not_slide_into_the_next_lane() -> None:
     along = np.concatenate([np.full(20, 0.5), np.zeros(60)])
     aside = np.concatenate([np.zeros(20), np.full(30, 0.107), np.zeros(30)])
     made = in_lane(on_wheels(driven(along, aside), along, aside))
@@ -54,7 +54,7 @@ def test_a_vehicle_that_is_set_back_waits_there_instead_of_reversing() -> None:
     assert made[-1] == pytest.approx(in_lane(track)[-1], abs=1e-6)
 
 
-def test_a_vehicle_that_never_moves_stays_where_it_is() -> None:
+def test_a_vehicle_that_never_moves_stays_in_place() -> None:
     still = np.zeros(10)
     track = np.tile([3.0, 4.0], (10, 1))
     assert on_wheels(track, still, still) == pytest.approx(track)

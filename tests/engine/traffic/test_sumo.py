@@ -49,7 +49,7 @@ def running(tmp_path: Path) -> Any:
     return run
 
 
-def test_what_sumo_refuses_is_told_in_the_words_of_the_caller(running: Any) -> None:
+def test_sumo_s_refusal_is_reported_in_the_caller_s_words(running: Any) -> None:
     with pytest.raises(WorkerFailure, match="SUMO did not start"), running("<vType/>"):
         pass
     refusal = {"refusal": lambda why: NotPossible(f"not here: {why}")}

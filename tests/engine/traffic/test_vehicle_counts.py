@@ -18,7 +18,7 @@ def wish(name: str, least: int | None = None, most: int | None = None) -> Vehicl
     least=st.none() | st.integers(0, 12),
     lane_km=st.floats(0.1, 30),
 )
-def test_every_class_gets_at_least_what_was_asked_and_a_car_is_left_for_the_ego(
+def test_every_class_gets_its_requested_number_and_a_car_is_left_for_the_ego(
     density: Density, names: list[str], least: int | None, lane_km: float
 ) -> None:
     demand = plan_counts(density, [wish(name, least) for name in names], lane_km)
@@ -45,7 +45,7 @@ def test_a_share_is_of_all_vehicles_and_one_at_least(share: float, buses: int) -
     assert (demand.counts["bus"], demand.total, demand.least) == (buses, 140, {"bus": 1})
 
 
-def test_a_large_site_gets_the_density_asked_for() -> None:
+def test_a_large_site_gets_the_density_requested() -> None:
     for density, per_km in VEHICLES_PER_LANE_KM.items():
         assert plan_counts(density, [], 8.5).total == round(per_km * 8.5)
 
@@ -54,7 +54,7 @@ def test_an_exact_number_of_cars_does_not_count_the_ego() -> None:
     assert plan_counts("low", [wish("car", 4, 4)], 3.0).counts == {"car": 5}
 
 
-def test_none_of_a_class_means_none() -> None:
+def test_zero_of_a_class_means_zero() -> None:
     assert "bicycle" not in plan_counts("low", [wish("bicycle", 0, 0)], 3.0).counts
 
 

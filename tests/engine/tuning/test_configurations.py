@@ -68,7 +68,7 @@ def test_every_weight_names_the_code_that_computes_it_and_ours_are_ours() -> Non
 
 
 @pytest.mark.parametrize("word", ["safety-conservative", "SAFETY", " Safety ", "Efficiency-Sporty", "sporty"])
-def test_presets_are_found_by_both_names_whatever_the_case(word: str) -> None:
+def test_presets_are_found_by_both_names_in_any_case(word: str) -> None:
     assert FRENETIX.preset(word).short_name in ("Safety", "Sporty")
 
 
@@ -89,7 +89,7 @@ def test_the_four_kinds_of_changes() -> None:
     assert changed.notes == ()
 
 
-def test_zero_times_two_stays_zero_and_is_said() -> None:
+def test_zero_times_two_stays_zero_and_is_reported() -> None:
     changed = apply_assignments(base().weights, ["jerk*2"])
     assert changed.values["jerk"] == 0.0
     assert "is 0" in changed.notes[0]
@@ -102,12 +102,12 @@ def test_weights_outside_their_range_are_refused(text: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["jerk=nan", "jerk=inf", "jerk", "jerk==1", "jerk=1;prediction=2", "jerk=1e999"])
-def test_what_is_no_change_is_refused(text: str) -> None:
+def test_an_invalid_change_is_refused(text: str) -> None:
     with pytest.raises(InvalidRequest):
         apply_assignments(base().weights, [text])
 
 
-def test_an_unknown_weight_is_refused_with_the_nearest_first_and_nothing_is_changed() -> None:
+def test_an_unknown_weight_is_refused_with_the_nearest_first_and_without_changes() -> None:
     with pytest.raises(UnknownName) as caught:
         changed_configuration(base(), None, ["jerk=0.5", "colision=1"])
     assert caught.value.valid
@@ -137,7 +137,7 @@ def test_a_change_gives_a_valid_weight_or_is_refused(name: str, start: float, op
 
 
 @given(st.dictionaries(NAMES, VALUES, max_size=5))
-def test_the_id_is_made_from_the_content(values: dict[str, float]) -> None:
+def test_the_id_is_derived_from_the_content(values: dict[str, float]) -> None:
     changes = [f"{name}={value!r}" for name, value in values.items()]
     first, _ = changed_configuration(base(), None, changes)
     second, _ = changed_configuration(base("frenetix:Comfort"), "Default", list(reversed(changes)))
@@ -161,14 +161,14 @@ def test_differences_name_before_and_after() -> None:
     }
 
 
-def test_the_yaml_holds_every_weight() -> None:
+def test_the_yaml_contains_every_weight() -> None:
     made, _ = changed_configuration(base(), None, ["jerk=0.123456789", "occ_pm=0"])
     content = yaml.safe_load(to_yaml(made))
     assert content["cost_weights"] == made.weights
     assert content["external_cost_weights"] == made.external_weights
 
 
-def test_a_weight_of_an_absent_module_is_kept_and_said_to_do_nothing() -> None:
+def test_a_weight_of_an_absent_module_is_kept_and_reported_as_without_effect() -> None:
     made, notes = changed_configuration(base(), None, ["occ_pm=1"])
     assert made.external_weights["occ_pm"] == 1.0
     assert "without effect" in notes[0]
@@ -185,7 +185,7 @@ def test_unknown_names_are_refused(text: str) -> None:
         named_configuration(text)
 
 
-def test_an_id_is_no_name() -> None:
+def test_an_id_is_not_a_name() -> None:
     assert named_configuration("cfg_0123456789ab") is None
 
 
@@ -196,7 +196,7 @@ def test_an_id_is_no_name() -> None:
         *(("frenetix", "Comfortable", "Comfort"), ("frenetix", "reset", "Default"), ("idm", "careful", "Cautious")),
     ],
 )
-def test_a_preset_by_a_word_of_the_paper_s_prompts_is_said(planner: str, word: str, preset: str) -> None:
+def test_a_preset_by_a_word_of_the_paper_s_prompts_is_reported(planner: str, word: str, preset: str) -> None:
     made, notes = changed_configuration(named_configuration(planner), word, [])
     assert made.preset == preset
     assert f"'{word}' is read as the preset {preset}" in notes
@@ -207,3 +207,8 @@ def test_another_word_for_a_preset_is_refused_with_all_of_them() -> None:
         changed_configuration(named_configuration("frenetix"), "komfortabel", [])
     assert refusal.value.valid[0] == "Comfort"
     assert len(refusal.value.valid) == 5
+
+
+def test_an_unknown_planner_is_named_as_it_was_written() -> None:
+    with pytest.raises(UnknownName, match="'ZAM_A-1_1_T-1'"):
+        named_configuration("ZAM_A-1_1_T-1")

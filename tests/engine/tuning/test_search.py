@@ -62,7 +62,7 @@ def test_a_bound_is_a_number_or_the_mean_of_the_base() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "speed", "success*", "success-1", "collisions<=0.1"])
-def test_what_is_no_objective_is_refused(text: str) -> None:
+def test_an_invalid_objective_is_refused(text: str) -> None:
     with pytest.raises(PlannerForgeError):
         parse_objective(text)
 
@@ -70,19 +70,19 @@ def test_what_is_no_objective_is_refused(text: str) -> None:
 @pytest.mark.parametrize(
     "vary", [["jurk"], ["jerk=5..2"], ["horizon_s=0..9"], ["jerk", "jerk"], ["jerk=a..b"], ["jerk*2"]]
 )
-def test_what_cannot_be_varied_is_refused(vary: list[str]) -> None:
+def test_fixed_parameters_cannot_be_varied(vary: list[str]) -> None:
     with pytest.raises(PlannerForgeError):
         dimensions("frenetix", vary)
 
 
 @pytest.mark.parametrize("name", ["frenetix", "idm"])
-def test_presets_lie_in_the_space_at_their_own_values(name: str) -> None:
+def test_presets_are_in_the_space_at_their_own_values(name: str) -> None:
     configuration = preset_configuration(name)
     space = dimensions(name, [])
     assert values_at(space, point_of(space, configuration)) == pytest.approx(configuration.weights)
 
 
-def test_settings_are_varied_in_their_ranges_and_whole_where_they_count() -> None:
+def test_settings_are_varied_in_their_ranges_and_counts_as_integers() -> None:
     space = dimensions("frenetix", ["replan_steps=1..4", "horizon_s=2..5", "prediction=0..50"])
     assert values_at(space, (0.99, 0.5, 0.05)) == {"replan_steps": 4.0, "horizon_s": 3.5, "prediction": 0.0}
     assert values_at(space, (0.0, 0.0, 1.0)) == {"replan_steps": 1.0, "horizon_s": 2.0, "prediction": 50.0}
@@ -127,21 +127,21 @@ def _searched(method: SearchMethod, rounds: int) -> list[EvaluatedTrial]:
 
 
 @pytest.mark.parametrize("method", ["tpe", "cmaes"])
-def test_what_was_told_leads_a_search_the_same_way_each_time(method: SearchMethod) -> None:
+def test_the_same_results_lead_a_search_to_the_same_candidates(method: SearchMethod) -> None:
     found = _searched(method, 12)
     assert found[:12] == _searched(method, 3)
     first, last = (max(trial.values[0] for trial in part) for part in (found[:8], found[-16:]))
     assert last > max(first, -0.15)
 
 
-def test_a_search_that_is_played_otherwise_is_told() -> None:
+def test_a_search_that_is_replayed_differently_is_reported() -> None:
     other = (EvaluatedTrial(point=(0.123, 0.456), values=(0.0,)),)
     with pytest.raises(PlannerForgeError):
         propose(_request("tpe", (other,)), silent)
 
 
 @pytest.mark.parametrize(("method", "most"), [("morris", 40), ("sobol", 320)])
-def test_a_planted_weight_matters_and_one_that_does_nothing_is_told(method: str, most: int) -> None:
+def test_a_planted_weight_matters_and_one_without_effect_is_reported(method: str, most: int) -> None:
     design = DesignRequest.model_validate({"method": method, "names": ("much", "idle", "bit"), "most": most, "seed": 1})
     points = sensitivity_design(design, silent).points
     assert len(points) <= most
@@ -151,7 +151,7 @@ def test_a_planted_weight_matters_and_one_that_does_nothing_is_told(method: str,
     assert (effects[0].name, verdicts["much"], verdicts["idle"]) == ("much", "matters", "none")
 
 
-def test_nothing_matters_where_nothing_changes() -> None:
+def test_no_weight_matters_if_no_result_changes() -> None:
     design = DesignRequest(method="morris", names=("a", "b"), most=20, seed=1)
     points = sensitivity_design(design, silent).points
     effects = sensitivity_effects(EffectsRequest(design=design, values=(0.7,) * len(points)), silent).effects

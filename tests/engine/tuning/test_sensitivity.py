@@ -38,7 +38,7 @@ def effects(kind: str, method: Method = "morris", scenarios: int = 20, seed: int
 
 
 @pytest.mark.parametrize("method", ["morris", "sobol"])
-def test_a_weight_that_decides_matters_and_an_idle_one_did_nothing(method: Method) -> None:
+def test_a_decisive_weight_matters_and_an_idle_one_had_no_effect(method: Method) -> None:
     found = effects("decides", method)
     assert [found[name].verdict for name in NAMES] == ["matters", "none", "none"]
     assert found["first"].p is not None
@@ -46,13 +46,13 @@ def test_a_weight_that_decides_matters_and_an_idle_one_did_nothing(method: Metho
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_weight_that_turns_scenarios_at_random_is_not_said_to_matter(seed: int) -> None:
+def test_a_weight_that_changes_scenarios_at_random_is_not_reported_to_matter(seed: int) -> None:
     found = effects("chance", seed=seed)
     assert [found[name].verdict for name in NAMES] == ["none", "unclear", "none"]
     assert found["second"].effect > 0, "the mean moved all the same"
 
 
-def test_few_scenarios_show_nothing() -> None:
+def test_few_scenarios_give_no_significance() -> None:
     assert effects("decides", scenarios=4)["first"].verdict == "unclear"
 
 
@@ -65,7 +65,7 @@ def test_the_largest_change_is_named_by_points_and_scenario() -> None:
 
 @pytest.mark.parametrize("method", ["morris", "sobol"])
 @pytest.mark.parametrize("most", [16, 17, 40, 41, 100])
-def test_a_design_has_no_more_points_than_were_asked_for(method: Method, most: int) -> None:
+def test_a_design_has_no_more_points_than_were_requested(method: Method, most: int) -> None:
     design = DesignRequest(method=method, names=NAMES, most=most, seed=1)
     points = sensitivity_design(design, silent).points
     assert fewest_configurations(method, len(NAMES)) <= len(points) <= most

@@ -42,7 +42,7 @@ _NESTED = "\n".join(
         ("", "no section"),
     ],
 )
-def test_what_is_no_weight_file_is_refused_in_one_short_line(tmp_path: Path, content: str, words: str) -> None:
+def test_an_invalid_weight_file_is_refused_in_one_short_line(tmp_path: Path, content: str, words: str) -> None:
     path = tmp_path / "weights.yaml"
     path.write_text(content)
     with pytest.raises(UnsafeInput, match=words) as caught:
@@ -86,7 +86,7 @@ def test_only_the_changed_numbers_of_a_file_change(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", [_OWN, _OWN.replace("\n", "\r\n"), "cost_weights: {jerk: 1}  # short"])
-def test_what_a_file_lacks_is_added_and_read_again(tmp_path: Path, text: str) -> None:
+def test_missing_weights_of_a_file_are_added_and_read_again(tmp_path: Path, text: str) -> None:
     changes = ["prediction=3", "jerk=0.123456789012345678", "occ_ve=2"]
     changed, _ = changed_configuration(_imported(tmp_path, text), "Comfort", changes, ["horizon_s=4"])
     again = _imported(tmp_path, to_yaml(changed))

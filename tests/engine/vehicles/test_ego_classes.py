@@ -35,7 +35,7 @@ def test_every_word_has_a_class_and_every_limit_a_source() -> None:
 
 
 @pytest.mark.parametrize("name", SINGLE_BODIES)
-def test_size_and_axles_are_those_of_the_class(name: str) -> None:
+def test_size_and_axles_match_the_class(name: str) -> None:
     vehicle, known = ego_class(name).vehicle, vehicle_classes()[name]
     assert vehicle.vehicle_class == name
     assert vehicle.rear_axle_behind_center_m <= vehicle.length_m / 2
@@ -70,7 +70,7 @@ def test_a_coach_turns_within_the_circle_of_the_law() -> None:
     assert math.hypot(front_m, rear_axle_radius_m + vehicle.width_m / 2) == pytest.approx(12.5)
 
 
-def test_a_bus_turns_as_its_data_sheet_says() -> None:
+def test_a_bus_turns_as_in_its_data_sheet() -> None:
     vehicle = ego_class("bus").vehicle
     front_m = vehicle.length_m / 2 + vehicle.rear_axle_behind_center_m
     outer_m = math.hypot(front_m, vehicle.wheelbase_m / math.tan(vehicle.maximum_steering_rad) + vehicle.width_m / 2)
@@ -97,14 +97,14 @@ def test_power_limits_the_acceleration_of_every_class(name: str) -> None:
         ({"maximum_speed_mps": 25.0}, "bus", 12.0, 25.0, "bus"),
     ],
 )
-def test_what_a_configuration_states_comes_before_the_class(
+def test_a_configuration_s_vehicle_takes_precedence_over_the_class(
     settings: dict[str, float], name: str, length_m: float, speed_mps: float, drives: str
 ) -> None:
     vehicle = vehicle_of(PlannerSettings.model_validate(settings), name)
     assert (vehicle.length_m, vehicle.maximum_speed_mps, vehicle.vehicle_class) == (length_m, speed_mps, drives)
 
 
-def test_a_semi_trailer_is_refused_by_name_with_what_can_be_driven() -> None:
+def test_a_semi_trailer_is_refused_by_name_with_drivable_classes() -> None:
     with pytest.raises(NotPossible, match="trailer") as caught:
         vehicle_of(PlannerSettings(), "trailer")
     assert caught.value.reason == "articulated_ego"
@@ -141,7 +141,7 @@ def test_a_recorded_vehicle_is_the_class_of_its_type_with_the_nearest_length(
 
 
 @pytest.mark.parametrize("kind", ["bicycle", "pedestrian", "parkedVehicle", "unknown"])
-def test_what_is_no_motor_vehicle_is_no_ego(kind: str) -> None:
+def test_a_class_that_is_not_a_motor_vehicle_is_not_an_ego(kind: str) -> None:
     assert ego_class_of(kind, 2.0) is None
     with pytest.raises(UnknownName, match="cannot be") as caught:
         ego_class(kind)
@@ -158,7 +158,7 @@ def written(tmp_path: Path, name: str) -> Path:
 
 
 @pytest.mark.parametrize("name", EGO_CLASSES)
-def test_a_file_says_what_its_ego_is_and_keeps_to_the_schema(name: str, tmp_path: Path) -> None:
+def test_a_file_states_its_ego_s_class_and_matches_the_schema(name: str, tmp_path: Path) -> None:
     plain = town_road().write(tmp_path / "plain.xml")
     path = written(tmp_path, name)
     read = read_recorded(path)

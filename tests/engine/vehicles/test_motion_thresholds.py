@@ -17,7 +17,7 @@ def test_each_threshold_has_its_source_or_its_reason() -> None:
     assert len(constants) == len(reasons) > 0
 
 
-def test_no_other_module_of_the_engine_defines_such_a_word_again() -> None:
+def test_no_other_module_of_the_engine_redefines_these_words() -> None:
     found = [
         f"{path.name}: {target.id}"
         for path in (CHECKOUT / "engine").rglob("*.py")

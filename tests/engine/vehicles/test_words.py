@@ -37,11 +37,11 @@ def test_words_of_languages_and_of_the_field(word: str, meant: str) -> None:
 @pytest.mark.parametrize(
     "word", ["spaceship", "", "not", "start", "bill", "wheel", "drive", "vehicle", "112", "compact"]
 )
-def test_a_word_that_mostly_means_something_else_is_no_road_user(word: str) -> None:
+def test_a_word_that_mostly_means_something_else_is_not_a_road_user(word: str) -> None:
     assert vehicle_class_of(word) is None
 
 
-def test_a_class_by_another_word_is_generated_and_said() -> None:
+def test_a_class_given_by_another_word_is_generated_and_reported() -> None:
     arguments = GenerateScenariosArguments(place="Musterstadt", vehicles=["van=2", "police car", "truck"])
     notes = read_specification(arguments).notes
     assert notes == ("'van' is read as delivery", "'police car' is read as emergency")

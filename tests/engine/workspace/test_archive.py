@@ -93,7 +93,7 @@ def records(archive: Path, change: Callable[[dict[str, object]], object]) -> byt
     return "".join(json.dumps(line) + "\n" for line in lines).encode()
 
 
-def test_all_that_was_made_comes_back_with_dates_and_order(archive: Path, tmp_path: Path) -> None:
+def test_all_artifacts_come_back_with_dates_and_order(archive: Path, tmp_path: Path) -> None:
     first, second = Workspace(tmp_path / "first"), Workspace(tmp_path / "second")
     told: list[tuple[int, int]] = []
     made = import_workspace(second, archive, on_bytes=lambda done, total: told.append((done, total)))
@@ -108,7 +108,7 @@ def test_all_that_was_made_comes_back_with_dates_and_order(archive: Path, tmp_pa
     assert [path.name for path in (second.root / "scratch").iterdir()] == []
 
 
-def test_what_is_here_already_stays_and_is_counted(archive: Path, tmp_path: Path) -> None:
+def test_existing_artifacts_stay_and_are_counted(archive: Path, tmp_path: Path) -> None:
     second = Workspace(tmp_path / "second")
     store_search(second, "own")
     import_workspace(second, archive)
@@ -119,7 +119,7 @@ def test_what_is_here_already_stays_and_is_counted(archive: Path, tmp_path: Path
     assert second.newest(limit=1)[0].artifact_id == SEARCH
 
 
-def test_the_journal_comes_only_where_it_was_asked_for_and_beside_ours(archive: Path, tmp_path: Path) -> None:
+def test_the_journal_is_unpacked_only_on_request_and_next_to_ours(archive: Path, tmp_path: Path) -> None:
     second = Workspace(tmp_path / "second")
     import_workspace(second, archive)
     (journal,) = (second.root / "journal").iterdir()
@@ -150,7 +150,7 @@ def test_an_artifact_with_a_missing_file_is_left_out_and_reported(tmp_path: Path
     assert import_workspace(Workspace(tmp_path / "second"), tmp_path / "work.zip").added == 2
 
 
-def test_nothing_is_written_over_or_into_the_workspace(archive: Path, tmp_path: Path) -> None:
+def test_no_file_is_overwritten_or_written_into_the_workspace(archive: Path, tmp_path: Path) -> None:
     first, before = Workspace(tmp_path / "first"), archive.read_bytes()
     for path in (archive, first.root / "runs" / "work.zip", first.root / "workspace.sqlite"):
         with pytest.raises(NotPossible):
@@ -208,7 +208,7 @@ def test_the_same_name_twice_is_refused(archive: Path, tmp_path: Path) -> None:
         (ArchiveLimits(), "unpacked bytes per byte; the limit is 200"),
     ],
 )
-def test_a_bomb_is_refused_by_what_it_says_of_itself(
+def test_a_zip_bomb_is_refused_by_its_declared_size(
     limits: ArchiveLimits, told: str, archive: Path, tmp_path: Path
 ) -> None:
     bomb = rewritten(archive, {STEPS: bytes(30_000_000)})
@@ -241,7 +241,7 @@ DAMAGES: dict[str, Callable[[Path], Path]] = {
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_archive_stores_nothing(damage: str, archive: Path, tmp_path: Path) -> None:
+def test_a_damaged_archive_stores_no_artifacts(damage: str, archive: Path, tmp_path: Path) -> None:
     second = Workspace(tmp_path / "second")
     store_search(second, "own")
     before = contents(second.root)
@@ -277,7 +277,7 @@ def test_an_archive_of_an_earlier_version_is_taken(archive: Path, tmp_path: Path
     assert import_workspace(Workspace(tmp_path / "second"), earlier).added == 3
 
 
-def test_an_id_that_stands_for_something_else_is_refused_and_named(archive: Path, tmp_path: Path) -> None:
+def test_an_id_with_different_content_is_refused_and_named(archive: Path, tmp_path: Path) -> None:
     second = filled(tmp_path / "second", text="another")
     before = contents(second.root)
     with pytest.raises(NotPossible, match=rf"2 artifacts .* different artifacts here: run {RUN}, search {SEARCH}"):
@@ -347,7 +347,7 @@ def test_an_import_interrupted_while_it_stores_leaves_no_trace(
     assert [artifact.artifact_id for artifact in second.newest()] == [own]
 
 
-def test_a_full_disk_is_told_before_anything_is_unpacked(
+def test_a_full_disk_is_reported_before_anything_is_unpacked(
     archive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     usage = os.statvfs_result((1, 1, 0, 0, 0, 0, 0, 0, 0, 255))
@@ -380,7 +380,7 @@ def test_the_commands_take_a_workspace_from_one_folder_to_another(archive: Path,
         run("import", str(big), "--most-mb", "1", "--workspace", second)
 
 
-def test_run_of_an_archive_is_marked_and_gives_way_to_the_one_that_is_made_here(archive: Path, tmp_path: Path) -> None:
+def test_a_run_from_an_archive_is_marked_and_replaced_by_a_local_one(archive: Path, tmp_path: Path) -> None:
     second = Workspace(tmp_path / "second")
     import_workspace(second, archive)
     assert second.get(RUN, "run").imported
@@ -393,7 +393,7 @@ def test_run_of_an_archive_is_marked_and_gives_way_to_the_one_that_is_made_here(
     assert second.get(RUN, "run").record["reason"] == "own"
 
 
-def test_the_same_run_made_in_two_workspaces_is_one(archive: Path, tmp_path: Path) -> None:
+def test_the_same_run_from_two_workspaces_is_one(archive: Path, tmp_path: Path) -> None:
     """Its times differ."""
     second = filled(tmp_path / "second")
     (second.folder("run", RUN) / "timing.json").write_text("{}")
@@ -423,7 +423,7 @@ def other_id(line: dict[str, object]) -> None:
         *((other_id, kind) for kind in ("scenario", "run")),
     ],
 )
-def test_record_that_is_not_what_it_says_is_refused_by_name(
+def test_an_inconsistent_record_is_refused_by_name(
     forged: Callable[[dict[str, object]], None], kind: str, archive: Path, tmp_path: Path
 ) -> None:
     def change(line: dict[str, object]) -> None:

@@ -73,7 +73,7 @@ def test_stored_artifact_is_read_back_whole(workspace: Workspace) -> None:
     ]
 
 
-def test_what_another_server_amends_or_removes_is_seen_though_it_was_read_before(workspace: Workspace) -> None:
+def test_another_server_s_changes_are_seen_after_an_earlier_read(workspace: Workspace) -> None:
     put(workspace, "DEU_A-1_1_T-1", "first")
     assert workspace.get("DEU_A-1_1_T-1", "scenario").read(Note) == Note(text="first")
     other = Workspace(workspace.root)
@@ -100,7 +100,9 @@ def test_same_id_again_gives_the_stored_one_untouched(workspace: Workspace) -> N
     assert len(workspace.newest()) == 1
 
 
-def test_full_disk_while_files_are_placed_leaves_nothing(workspace: Workspace, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_while_files_are_placed_leaves_no_artifact(
+    workspace: Workspace, monkeypatch: pytest.MonkeyPatch
+) -> None:
     real = shutil.copyfile
 
     def full_on_the_second(source: Path, target: Path) -> object:
@@ -121,7 +123,7 @@ def test_full_disk_while_files_are_placed_leaves_nothing(workspace: Workspace, m
     assert workspace.file("scenario", "DEU_A-1_1_T-1", "second.xml").read_text() == "2"
 
 
-def test_record_that_does_not_fit_takes_back_every_folder_of_its_transaction(workspace: Workspace) -> None:
+def test_a_record_that_does_not_fit_removes_every_folder_of_its_transaction(workspace: Workspace) -> None:
     workspace.find("scenario", "none")
     connection = workspace.database.connection()
     pages = connection.execute("PRAGMA page_count").fetchone()[0]
@@ -140,7 +142,7 @@ def test_record_that_does_not_fit_takes_back_every_folder_of_its_transaction(wor
     assert left_in(workspace.root) == []
 
 
-def test_workspace_on_a_full_disk_still_lists_what_it_holds(
+def test_a_workspace_on_a_full_disk_still_lists_its_artifacts(
     workspace: Workspace, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     put(workspace, "DEU_A-1_1_T-1", files={"scenario.xml": "1"})
@@ -169,7 +171,7 @@ def test_workspace_on_a_full_disk_still_lists_what_it_holds(
 
 
 @pytest.mark.parametrize("owned", ["", "scenarios", "scenarios/x.xml", "scratch/a", "workspace.sqlite-wal", "pictures"])
-def test_workspace_owns_its_folder_and_what_it_keeps_there(workspace: Workspace, owned: str) -> None:
+def test_a_workspace_owns_its_folder_and_its_files(workspace: Workspace, owned: str) -> None:
     assert workspace.owns(workspace.root / owned)
 
 
@@ -213,7 +215,7 @@ def test_latest_is_the_newest_of_its_kind(workspace: Workspace) -> None:
     assert "run_planner" in caught.value.next_step
 
 
-def test_unknown_id_names_the_nearest_and_what_makes_one(workspace: Workspace) -> None:
+def test_an_unknown_id_names_the_nearest_and_the_tool_that_creates_one(workspace: Workspace) -> None:
     for town in ("Muc", "Lohmar", "Cologne"):
         put(workspace, f"DEU_{town}-1_1_T-1")
     with pytest.raises(UnknownName, match="no scenario 'DEU_Lomar-1_1_T-1'") as caught:
@@ -248,7 +250,7 @@ def test_newest_filters_by_kind_parent_and_text_and_pages(workspace: Workspace) 
     assert ids(text="%") == []
 
 
-def test_found_by_the_recipe_that_made_it(workspace: Workspace) -> None:
+def test_an_artifact_is_found_by_its_recipe(workspace: Workspace) -> None:
     made = put(workspace, "DEU_A-1_1_T-1", "first")
     assert workspace.find_by_recipe("scenario", recipe(text="first")) == made
     assert workspace.find_by_recipe("scenario", recipe(text="other")) is None
@@ -256,7 +258,7 @@ def test_found_by_the_recipe_that_made_it(workspace: Workspace) -> None:
 
 
 @pytest.mark.parametrize("artifact_id", ["../../etc/passwd", "..", ".hidden", "a/b", "", "a b", "x" * 121, "-rf"])
-def test_id_that_is_no_folder_name_is_refused(workspace: Workspace, artifact_id: str) -> None:
+def test_an_id_that_is_not_a_folder_name_is_refused(workspace: Workspace, artifact_id: str) -> None:
     with pytest.raises(UnknownName):
         put(workspace, artifact_id, files={"scenario.xml": "x"})
     with pytest.raises(UnknownName):
@@ -264,14 +266,14 @@ def test_id_that_is_no_folder_name_is_refused(workspace: Workspace, artifact_id:
     assert left_in(workspace.root) == []
 
 
-def test_missing_file_names_those_that_are_there(workspace: Workspace) -> None:
+def test_a_missing_file_names_the_existing_ones(workspace: Workspace) -> None:
     put(workspace, "DEU_A-1_1_T-1", files={"scenario.xml": "x"})
     with pytest.raises(UnknownName) as caught:
         workspace.file("scenario", "DEU_A-1_1_T-1", "scenario.net.xml")
     assert caught.value.valid == ("scenario.xml",)
 
 
-def test_scratch_is_gone_after_the_block_even_when_it_fails(workspace: Workspace) -> None:
+def test_scratch_is_deleted_after_the_block_even_when_it_fails(workspace: Workspace) -> None:
     with pytest.raises(ZeroDivisionError), workspace.scratch() as folder:  # noqa: PT012 - the block is what fails
         (folder / "file").write_text("x")
         raise ZeroDivisionError
@@ -306,7 +308,7 @@ for number in range(10):
 """
 
 
-def test_processes_on_one_new_workspace_at_once_store_all_and_mix_nothing(tmp_path: Path) -> None:
+def test_processes_on_one_new_workspace_at_once_store_all_artifacts_intact(tmp_path: Path) -> None:
     processes = [
         subprocess.Popen(
             [sys.executable, "-c", PUT_MANY, str(tmp_path / "workspace"), author],
@@ -350,13 +352,13 @@ def test_workspace_of_a_newer_version_is_refused_and_left_as_it_is(tmp_path: Pat
     connection.close()
 
 
-def test_file_that_is_no_database_is_a_resource_failure(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_database_is_a_resource_failure(tmp_path: Path) -> None:
     (tmp_path / "workspace.sqlite").write_bytes(b"no database at all " * 100)
     with pytest.raises(ResourceFailure, match="not a database"):
         Workspace(tmp_path).newest()
 
 
-def test_folder_that_cannot_be_made_is_a_resource_failure(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_created_is_a_resource_failure(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ResourceFailure):
         Workspace(tmp_path / "file" / "workspace").newest()

@@ -28,20 +28,20 @@ def count(database: Database) -> int:
     return int(database.connection().execute(COUNT).fetchone()[0])
 
 
-def test_every_thread_has_a_connection_of_its_own(database: Database) -> None:
+def test_every_thread_has_its_own_connection(database: Database) -> None:
     own = id(database.connection())
     assert id(database.connection()) == own
     assert elsewhere(lambda: id(database.connection())) != own
 
 
-def test_what_is_half_written_is_seen_by_no_other_thread(database: Database) -> None:
+def test_partial_writes_are_invisible_to_other_threads(database: Database) -> None:
     with database.writing() as connection:
         connection.execute(INSERT, ("a",))
         assert elsewhere(lambda: count(database)) == 0
     assert elsewhere(lambda: count(database)) == 1
 
 
-def test_a_transaction_that_fails_takes_back_nothing_of_another_thread(database: Database) -> None:
+def test_a_transaction_that_fails_leaves_other_threads_writes_in_place(database: Database) -> None:
     begun, may_fail = threading.Event(), threading.Event()
 
     def fail() -> None:

@@ -50,7 +50,7 @@ def test_there_is_a_workspace_of_every_earlier_version() -> None:
 
 
 @pytest.mark.parametrize("version", MADE)
-def test_an_earlier_workspace_has_all_that_was_made_and_a_copy_of_what_it_was(version: int, tmp_path: Path) -> None:
+def test_an_earlier_workspace_keeps_its_artifacts_and_a_copy_of_its_database(version: int, tmp_path: Path) -> None:
     root = unpacked(version, tmp_path / "workspace")
     assert version_of(root / "workspace.sqlite") == version
     workspace = Workspace(root)
@@ -64,7 +64,7 @@ def test_an_earlier_workspace_has_all_that_was_made_and_a_copy_of_what_it_was(ve
 
 
 @pytest.mark.parametrize("version", MADE)
-def test_what_later_versions_brought_works_in_an_earlier_workspace(version: int, tmp_path: Path) -> None:
+def test_features_of_later_versions_work_in_an_earlier_workspace(version: int, tmp_path: Path) -> None:
     workspace = Workspace(unpacked(version, tmp_path / "workspace"))
     job, is_new = JobStore(workspace.database).start("batch", Recipe(tool="run_planner"))
     assert (is_new, job.state) == (True, "running")
@@ -77,7 +77,9 @@ def test_what_later_versions_brought_works_in_an_earlier_workspace(version: int,
 
 @pytest.mark.anyio
 @pytest.mark.parametrize("version", MADE)
-async def test_tools_work_with_what_an_earlier_program_made(version: int, connect: Connect, settings: Settings) -> None:
+async def test_tools_work_with_artifacts_of_an_earlier_program(
+    version: int, connect: Connect, settings: Settings
+) -> None:
     unpacked(version, settings.workspace)
     run, scenario, search = MADE[version]
     calls: tuple[tuple[str, dict[str, object], str], ...] = (

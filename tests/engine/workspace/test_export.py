@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.workspace.artifacts import Artifact, Workspace
-from plannerforge.engine.workspace.export import Export, plan_exports, refuse_taken, write_export
+from plannerforge.engine.workspace.export import Export, plan_exports, refuse_existing, write_export, write_whole
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.base import Model
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, ResourceFailure
@@ -51,7 +51,7 @@ def export(
 ) -> tuple[Export, ...]:
     planned = plan_exports(workspace, artifacts, formats, folder)
     if not overwrite:
-        refuse_taken([file.path for file in planned])
+        refuse_existing([file.path for file in planned])
     for file in planned:
         write_export(workspace, file)
     return planned
@@ -94,12 +94,12 @@ def test_format_that_one_artifact_lacks_is_refused_before_anything_is_written(
     assert not (tmp_path / "out").exists()
 
 
-def test_existing_file_is_kept_unless_overwriting_was_asked_for(
+def test_existing_file_is_kept_unless_overwriting_was_requested(
     workspace: Workspace, scenario: Artifact, tmp_path: Path
 ) -> None:
     mine = tmp_path / "DEU_A-1_1_T-1.net.xml"
     mine.write_text("mine")
-    with pytest.raises(NotPossible, match="1 files already exist"):
+    with pytest.raises(NotPossible, match="1 file already"):
         export(workspace, [scenario], ["xml", "net"], tmp_path, overwrite=False)
     assert mine.read_text() == "mine"
     assert not (tmp_path / "DEU_A-1_1_T-1.xml").exists()
@@ -123,7 +123,7 @@ def test_full_disk_leaves_no_half_written_file(
 
 @pytest.mark.parametrize("name", ["DEU_A-1_1_T-1.xml.partial", "DEU_A-1_1_T-1.xml", ".DEU_A-1_1_T-1.xml.partial"])
 @pytest.mark.parametrize("trap", ["link to a file", "dangling link", "pipe"])
-def test_nothing_that_lies_in_the_folder_is_written_through(
+def test_links_and_pipes_in_the_folder_are_not_written_through(
     workspace: Workspace, scenario: Artifact, tmp_path: Path, name: str, trap: str
 ) -> None:
     outside = tmp_path / "outside.txt"
@@ -142,5 +142,13 @@ def test_nothing_that_lies_in_the_folder_is_written_through(
     assert not outside.exists() or outside.read_text() == "not yours"
 
 
-def test_asked_twice_is_written_once(workspace: Workspace, scenario: Artifact, tmp_path: Path) -> None:
+def test_repeated_ids_are_written_once(workspace: Workspace, scenario: Artifact, tmp_path: Path) -> None:
     assert len(export(workspace, [scenario], ["xml", "xml"], tmp_path / "out", overwrite=False)) == 1
+
+
+def test_a_file_in_place_of_the_folder_is_not_called_a_full_disk(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(ResourceFailure) as failure:
+        write_whole(tmp_path / "notes.txt" / "a.xml", lambda partial: partial.write_text("x"))
+    assert "folder" in failure.value.next_step
+    assert "disk" not in failure.value.next_step

@@ -22,7 +22,7 @@ def pid_of_the_dead() -> int:
     ("owner", "age_s", "stays"),
     [("dead", 2 * ABANDONED_S, False), ("dead", ABANDONED_S / 2, True), ("nobody", 2 * ABANDONED_S, True)],
 )
-def test_a_folder_goes_when_its_owner_is_gone_for_an_hour(
+def test_a_folder_is_deleted_an_hour_after_its_owner_ended(
     tmp_path: Path, owner: str, age_s: float, *, stays: bool
 ) -> None:
     name = f"{pid_of_the_dead()}-abc" if owner == "dead" else "of-a-user"

@@ -55,7 +55,7 @@ def workspace(tmp_path: Path) -> Workspace:
     return made
 
 
-def test_what_takes_room_is_told_by_part(workspace: Workspace) -> None:
+def test_disk_use_is_reported_by_part(workspace: Workspace) -> None:
     uses = {use.name: use for use in room_used(workspace)}
     assert (uses["pictures"].size_bytes, uses["pictures"].is_cache) == (MB, True)
     assert (uses["runs"].files, uses["runs"].is_cache) == (3, False)
@@ -90,13 +90,13 @@ def test_lost_and_left_over_files_are_found(workspace: Workspace) -> None:
     ]
 
 
-def test_without_a_quota_only_what_belongs_to_nothing_goes(workspace: Workspace) -> None:
+def test_without_a_quota_only_orphaned_files_are_deleted(workspace: Workspace) -> None:
     assert [name for name, _ in make_room(workspace)] == ["runs/run_left"]
     assert list(disagreements(workspace)) == []
     assert (workspace.root / "recordings" / "one").exists()
 
 
-def test_above_a_quota_caches_go_and_nothing_that_was_made(workspace: Workspace) -> None:
+def test_above_a_quota_caches_are_deleted_and_artifacts_stay(workspace: Workspace) -> None:
     taken = sum(use.size_bytes for use in room_used(workspace))
     removed = dict(make_room(workspace, quota_bytes=taken - MB - MB // 2))
     assert set(removed) == {"runs/run_left", "recordings/one", "pictures/one"}
@@ -107,7 +107,7 @@ def test_above_a_quota_caches_go_and_nothing_that_was_made(workspace: Workspace)
     assert workspace.file("run", ONE, "steps.json").is_file()
 
 
-def test_what_another_server_has_just_made_stays(workspace: Workspace) -> None:
+def test_new_files_of_another_server_stay(workspace: Workspace) -> None:
     for path in workspace.root.rglob("*"):
         os.utime(path)
     assert make_room(workspace, quota_bytes=0) == []
@@ -138,7 +138,7 @@ def record_to_store(workspace: Workspace, number: int, size_bytes: int) -> None:
         store_run(workspace, numbered(number), folder / "steps.json")
 
 
-def test_a_quota_lets_in_what_fits_and_removes_old_caches_before_it_refuses(workspace: Workspace) -> None:
+def test_a_quota_removes_old_caches_before_it_refuses_a_write(workspace: Workspace) -> None:
     taken = sum(use.size_bytes for use in room_used(workspace))
     workspace.limit_room(Quota(workspace, taken + MB).admit)
     record_to_store(workspace, 3, MB // 2)
@@ -155,7 +155,7 @@ def test_a_quota_lets_in_what_fits_and_removes_old_caches_before_it_refuses(work
     assert list(disagreements(workspace)) == []
 
 
-def test_a_quota_counts_what_others_write_when_its_look_is_old(
+def test_a_quota_counts_other_servers_writes_after_a_while(
     workspace: Workspace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     taken = sum(use.size_bytes for use in room_used(workspace))
@@ -171,7 +171,7 @@ def test_a_quota_counts_what_others_write_when_its_look_is_old(
 
 
 @pytest.mark.anyio
-async def test_a_call_on_a_full_workspace_says_what_to_do_and_reading_goes_on(
+async def test_a_call_on_a_full_workspace_gives_a_remedy_and_reading_continues(
     connect: Connect, settings: Settings, starter_ready: None
 ) -> None:
     async with connect(settings.model_copy(update={"workspace_mb": 1})) as client:
@@ -184,7 +184,7 @@ async def test_a_call_on_a_full_workspace_says_what_to_do_and_reading_goes_on(
     assert not read.is_error
 
 
-def test_broken_records_are_found_and_taken_out_and_everything_else_stays(workspace: Workspace) -> None:
+def test_broken_records_are_found_and_removed_and_everything_else_stays(workspace: Workspace) -> None:
     """Such as an archive of an earlier version could bring in."""
     with workspace.database.writing() as connection:
         connection.execute("UPDATE artifacts SET record = '{}' WHERE artifact_id = ?", (ONE,))
@@ -211,7 +211,7 @@ def test_broken_records_are_found_and_taken_out_and_everything_else_stays(worksp
     ],
     ids=["two lines", "direction", "overlong", "a forged name", "an overlong name"],
 )
-def test_records_that_were_poisoned_before_texts_were_one_line_are_taken_out(
+def test_poisoned_records_of_earlier_versions_are_removed(
     workspace: Workspace, change: dict[str, object], told: str
 ) -> None:
     stored = workspace.get(ONE, "run").record
@@ -256,7 +256,7 @@ def test_a_record_nested_without_end_is_named_by_every_reader(
     assert [each.artifact_id for each in workspace.newest()] == [TWO]
 
 
-def test_the_command_takes_out_what_is_broken(workspace: Workspace) -> None:
+def test_the_command_removes_broken_files(workspace: Workspace) -> None:
     with workspace.database.writing() as connection:
         connection.execute("UPDATE artifacts SET recipe = '[' WHERE artifact_id = ?", (TWO,))
     told = CliRunner().invoke(application, ["workspace", "repair", "--workspace", str(workspace.root)])

@@ -71,21 +71,21 @@ def test_a_kind_of_road_may_be_added_to_a_name_without_one() -> None:
 
 
 @pytest.mark.parametrize("words", ["Lille, Belgium", "Lille België"])
-def test_a_settlement_named_with_its_country_is_known_where_its_outskirts_lie(words: str) -> None:
+def test_a_settlement_named_with_its_country_is_known_in_its_outskirts(words: str) -> None:
     outskirts = a_map("Kerkstraat", south=51.254, west=4.774, north=51.276, east=4.804, country="BEL")
     match = find_maps([outskirts], place=words)[0]
     assert any("Lille (GeoNames)" in text for text in match.understood)
 
 
 @pytest.mark.parametrize("words", ["Dublin 4", "Dublin 6"])
-def test_the_number_of_a_district_that_the_map_does_not_name_is_told(words: str) -> None:
+def test_the_number_of_a_district_that_the_map_does_not_name_is_reported(words: str) -> None:
     dublin = a_map("Amiens Street", place="Dublin", places=("Dublin",))
     assert find_maps([dublin], place=words)[0].understood == (
         f"{words!r} is read as Dublin: the map has no district with that number",
     )
 
 
-def test_the_number_of_a_district_is_told_of_a_place_in_another_language() -> None:
+def test_the_number_of_a_district_is_reported_for_a_place_in_another_language() -> None:
     praha = a_map("Odborů", place="Praha", places=("Praha",), country="CZE")
     assert find_maps([praha], place="Prague 2")[0].understood == (
         "'Prague 2' is read as Prague: the map has no district with that number",
@@ -113,13 +113,13 @@ def test_half_of_a_name_is_some_of_its_words_or_their_beginning(typed: str, name
 
 
 @pytest.mark.parametrize("words", ["Stretford", "Манчестер", "A56 Stretford", "Stretford, Edge Lane"])
-def test_a_settlement_that_the_map_does_not_name_is_known_by_where_it_lies(words: str) -> None:
+def test_a_settlement_that_the_map_does_not_name_is_known_by_its_location(words: str) -> None:
     match = find_maps([a_map("Edge Lane")], place=words)[0]
     assert any("GeoNames" in text for text in match.understood)
     assert match.unnamed == ()
 
 
-def test_a_settlement_elsewhere_is_no_half_of_a_street() -> None:
+def test_a_settlement_elsewhere_is_not_half_of_a_street() -> None:
     with pytest.raises(UnknownName) as refusal:
         find_maps([a_map("Berlin Road")], place="Berlin")
     assert refusal.value.valid == ("“Berlin Road”",)
@@ -127,7 +127,7 @@ def test_a_settlement_elsewhere_is_no_half_of_a_street() -> None:
     assert find_maps([a_map("Berlin Road")], place="Berlin Road")
 
 
-def test_the_closest_maps_hide_those_that_are_only_like_them() -> None:
+def test_the_closest_maps_hide_merely_similar_ones() -> None:
     same, half = a_map("Elm", map_id="map_same"), a_map("Elm Grove", map_id="map_half")
     assert [match.entry for match in find_maps([half, same], place="Elm")] == [same]
     assert [match.entry for match in find_maps([half], place="Elm")] == [half]
@@ -140,7 +140,7 @@ def found_roads(maps: list[MapEntry], place: str) -> dict[str, tuple[str, ...]]:
     return {match.entry.facts.map_id: match.streets[0] for match in find_maps(maps, place=place)}
 
 
-def test_the_beginning_of_a_name_counts_beside_a_spelling_of_another_name() -> None:
+def test_the_beginning_of_a_name_counts_in_addition_to_a_spelling_of_another_name() -> None:
     washington, paris = a_map("B Street", map_id="map_w"), a_map("Rue de Bretagne", "Rue Bouchardon", map_id="map_p")
     both = {"map_w": ("B Street",), "map_p": ("Rue de Bretagne",)}
     assert found_roads([paris, washington], "Rue de B") == both
@@ -154,7 +154,7 @@ def test_the_beginning_of_a_name_counts_on_the_map_that_has_the_other_name() -> 
 
 
 @pytest.mark.parametrize("words", ["Main St", "Main Street"])
-def test_nothing_is_added_to_a_name_or_its_abbreviation(words: str) -> None:
+def test_a_name_or_its_abbreviation_is_not_extended(words: str) -> None:
     maps = [a_map("Main Street", "Main Station Road", map_id="map_1"), a_map("Main Streetcar Way", map_id="map_2")]
     assert found_roads(maps, words) == {"map_1": ("Main Street",)}
 
@@ -166,5 +166,5 @@ def test_a_kind_of_road_alone_is_the_beginning_of_every_name_with_it() -> None:
 
 @pytest.mark.parametrize("kept", ["ring.net.xml", "ring.roads.xml", "ring.xml", "ring.osm"])
 @pytest.mark.parametrize("typed", ["ring", "ring.xodr", "ring.osm.pbf", "RING.OSM.XML.GZ"])
-def test_a_file_is_known_by_its_name_whatever_it_was_converted_to(kept: str, typed: str) -> None:
+def test_a_file_is_known_by_its_name_after_any_conversion(kept: str, typed: str) -> None:
     assert find_maps([a_map(file_name=kept)], place=typed)

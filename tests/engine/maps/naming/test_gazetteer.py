@@ -19,7 +19,7 @@ def test_a_city_is_known_by_its_names_in_other_languages(typed: str) -> None:
 
 
 @pytest.mark.parametrize("typed", ["Kreiselheim", "", "x" * 500, "\x00", '"name"', "latitude"])
-def test_what_is_no_settlement_is_none(typed: str) -> None:
+def test_a_name_that_is_not_a_settlement_is_unknown(typed: str) -> None:
     assert settlements_called(typed) == ()
 
 
@@ -35,7 +35,7 @@ def test_a_larger_settlement_reaches_further_and_its_outskirts_further_still() -
     assert 1000 < small.reach_m() < 2000
 
 
-def test_every_country_of_the_table_is_one_of_the_iso() -> None:
+def test_every_country_of_the_table_is_in_iso_3166() -> None:
     table = json.loads(gzip.decompress((Path(gazetteer.__file__).parent / "country_names.json.gz").read_bytes()))
     assert table["source"].startswith("CLDR")
     assert len(table["names"]) > 240

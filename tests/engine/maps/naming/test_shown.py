@@ -16,7 +16,7 @@ def a_map(*tags: dict[str, str], relations: tuple[OsmRelation, ...] = ()) -> Osm
     return OsmMap(ends | places, (ROAD,), relations, None)
 
 
-def test_the_most_important_place_comes_first_whatever_its_order_or_other_names() -> None:
+def test_the_most_important_place_comes_first_in_any_order() -> None:
     village = {"place": "village", "name": "Neustift", "population": "257"}
     town = {"place": "town", "name": "Krems an der Donau", "name:en": "Krems an der Donau", "population": "24,000"}
     assert places_shown(a_map(village, town))[0] == "Krems an der Donau"
@@ -43,7 +43,7 @@ def test_districts_of_addresses_and_of_borders_are_shown() -> None:
     assert shown == ["Krems", "Stein", "Lerchenfeld"]
 
 
-def test_a_place_that_is_a_point_and_an_address_is_one_area() -> None:
+def test_a_place_given_as_a_point_and_an_address_is_one_area() -> None:
     areas = areas_shown(
         a_map({"place": "suburb", "name": "Stein"}, {"place": "suburb", "name": "Stein", "alt_name": "X"})
     )
@@ -72,4 +72,37 @@ def test_a_place_with_one_corner_in_the_extract_is_shown(tmp_path: Path) -> None
     outline = f'<way id="6">{corners}<tag k="place" v="suburb"/><tag k="name" v="Байковский хутор"/></way>'
     nodes = '<node id="1" lat="47.23" lon="39.72"/><node id="2" lat="47.231" lon="39.72"/>'
     (tmp_path / "a.osm").write_text(f'<osm version="0.6">{nodes}{road}{outline}</osm>', encoding="utf-8")
-    assert places_shown(read_osm(tmp_path / "a.osm")) == ["Байковский хутор"]
+    assert places_shown(read_osm(tmp_path / "a.osm")) == ["Rostov-on-Don", "Байковский хутор"]
+
+
+def placed(latitude: float, longitude: float, *tags: dict[str, str]) -> OsmMap:
+    """A map of 1 km with an object of each of these tags in its middle."""
+    corners = [OsmNode(1, latitude - 0.005, longitude - 0.005, {}), OsmNode(2, latitude + 0.005, longitude + 0.005, {})]
+    inside = [OsmNode(number, latitude, longitude, one) for number, one in enumerate(tags, 3)]
+    road = OsmWay(9, (1, 2), {"highway": "residential"})
+    return OsmMap({node.node_id: node for node in (*corners, *inside)}, (road,), (), None)
+
+
+def test_a_town_on_the_map_comes_before_the_province_s_city_in_its_addresses() -> None:
+    akcaabat, trabzon = {"place": "town", "name": "Akçaabat"}, {"addr:city": "Trabzon"}
+    assert places_shown(placed(41.021, 39.573, akcaabat, trabzon))[:2] == ["Akçaabat", "Trabzon"]
+    village = {"place": "village", "name": "St. Newlyn East"}
+    assert places_shown(placed(50.367, -5.052, village, {"addr:city": "Newquay"}))[0] == "St. Newlyn East"
+    assert (
+        places_shown(placed(22.685, 114.2, {"place": "village", "name": "荷坳村"}, {"addr:city": "深圳市"}))[0]
+        == "深圳市"
+    )
+
+
+def test_a_city_that_the_map_marks_as_a_suburb_comes_before_a_smaller_town() -> None:
+    addresses = [{"addr:city": "Somerville"}, {"addr:city": "Somerville"}, {"addr:city": "Cambridge"}]
+    shown = places_shown(placed(42.376, -71.109, {"place": "suburb", "name": "Cambridge"}, *addresses))
+    assert shown[:2] == ["Cambridge", "Somerville"]
+
+
+def test_a_map_that_shows_only_a_part_is_called_by_the_settlement_around_it() -> None:
+    suburb = {"place": "suburb", "name": "Ponto Chic"}
+    assert places_shown(placed(-27.0565, -49.5445, suburb)) == ["Ibirama", "Ponto Chic"]
+    far_from_any = placed(-20.127, -44.117, {"place": "suburb", "name": "Córrego do Feijão"})
+    assert places_shown(far_from_any) == ["Córrego do Feijão"]
+    assert places_shown(placed(-27.0565, -49.5445)) == []

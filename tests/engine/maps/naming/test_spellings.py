@@ -133,12 +133,12 @@ def test_a_crossing_is_understood_as_people_write_it(words: str) -> None:
         "incrocio tra Długa e Krótka",
     ],
 )
-def test_the_words_for_a_crossing_are_those_of_any_language(words: str) -> None:
+def test_words_for_a_crossing_are_known_in_any_language(words: str) -> None:
     assert roads(a_map("Długa", "Krótka"), words) == [("Długa",), ("Krótka",)]
 
 
 @pytest.mark.parametrize("words", ["Długa Nowa Krótka", "stara Długa ile Krótka Nowa", "Długa ile Nowa"])
-def test_a_phrase_that_holds_another_name_is_no_crossing_of_two_roads(words: str) -> None:
+def test_a_phrase_that_contains_another_name_is_not_a_crossing_of_two_roads(words: str) -> None:
     with pytest.raises(UnknownName):
         roads(a_map("Długa", "Krótka"), words)
 
@@ -146,19 +146,19 @@ def test_a_phrase_that_holds_another_name_is_no_crossing_of_two_roads(words: str
 @pytest.mark.parametrize(
     "words", ["I-5 Seattle", "Seattle I-5", "I-5, Seattle", "Seattle, I-5", "Interstate 5 in Seattle"]
 )
-def test_road_and_city_stand_in_any_order(words: str) -> None:
+def test_road_and_city_are_accepted_in_any_order(words: str) -> None:
     match = find_maps([a_map()], place=words)[0]
     assert (match.streets, match.unnamed) == ((("I 5",),), ())
 
 
-def test_other_names_of_a_road_mean_it_and_the_answer_says_so() -> None:
+def test_other_names_of_a_road_select_it_and_the_answer_says_so() -> None:
     entry = a_map("Straße des 17. Juni", road_names=(("Straße des 17. Juni", "6月17日通り"),))
     match = find_maps([entry], place="6月17日通り")[0]
     assert match.streets == (("Straße des 17. Juni",),)
     assert match.understood == ("'6月17日通り' is read as “Straße des 17. Juni”",)
 
 
-def test_a_part_of_a_map_means_its_own_area_and_the_answer_says_so() -> None:
+def test_a_part_of_a_map_selects_its_own_area_and_the_answer_says_so() -> None:
     quarter = PlaceArea(
         name="Old Town", kind="quarter", other_names=("Altstadt",), latitude=54.6, longitude=5.25, radius_m=300
     )
@@ -226,7 +226,7 @@ def test_a_quarter_with_a_name_like_the_town_s_is_not_the_town() -> None:
     assert find_maps([entry], place="竹北里")[0].area == quarter
 
 
-def test_in_a_crossing_a_street_comes_before_the_quarter_of_its_name() -> None:
+def test_in_a_crossing_a_street_takes_precedence_over_the_quarter_of_its_name() -> None:
     quarter = an_area("Cát Linh", "quarter", 400)
     streets = ("Phố Cát Linh", "Phố Tôn Đức Thắng")
     entry = a_map(*streets, country="VNM", place="Hà Nội", places=("Hà Nội", "Cát Linh"), areas=(quarter,))
@@ -245,7 +245,7 @@ def test_a_town_s_circle_may_be_left_and_a_quarter_bounds_a_single_street() -> N
     assert (wide.box, len(wide.streets)) == (None, 2)
 
 
-def test_a_state_is_checked_by_where_the_map_lies() -> None:
+def test_a_state_is_checked_by_the_map_s_location() -> None:
     assert region_of("WA", "USA", 47.6, -122.3)
     assert not region_of("WA", "USA", 30.0, -90.0)
     assert region_of("Bayern", "DEU", 48.1, 11.6)
@@ -260,7 +260,7 @@ def test_a_state_is_checked_by_where_the_map_lies() -> None:
 
 
 @pytest.mark.parametrize("words", ["Seattle, France", "Pine Street, Seattle, Germany"])
-def test_a_country_that_the_map_does_not_lie_in_contradicts(words: str) -> None:
+def test_a_country_without_the_map_contradicts(words: str) -> None:
     with pytest.raises(UnknownName):
         find_maps([a_map("Pine Street")], place=words)
 
@@ -269,7 +269,7 @@ def test_a_country_that_the_map_does_not_lie_in_contradicts(words: str) -> None:
     ("words", "near"),
     [("Seatle", "Seattle"), ("Wörgl", None), ("Pyne Street", "Pine Street"), ("Quary", "Quarry Hill")],
 )
-def test_only_what_is_near_is_suggested(words: str, near: str | None) -> None:
+def test_only_nearby_names_are_suggested(words: str, near: str | None) -> None:
     with pytest.raises(UnknownName) as refusal:
         find_maps([a_map("Pine Street", "Quarry Hill")], place=words)
     if near is None:
@@ -304,7 +304,7 @@ def test_proposals_in_a_known_town_are_in_it_and_can_be_found(words: str, near: 
         assert find_maps(maps, place=str(places["place"]))[0].entry is not BROSSARD
 
 
-def test_streets_of_another_town_are_not_proposed_for_a_town_that_is_not_at_hand() -> None:
+def test_streets_of_another_town_are_not_proposed_for_a_town_that_is_not_available() -> None:
     with pytest.raises(UnknownName, match="similar name") as refusal:
         find_maps([BROSSARD, SYDNEY], place="Ilica, Zagreb")
     assert refusal.value.valid == ("“Brossard”", "“Sydney”")
@@ -315,7 +315,7 @@ def test_a_comma_between_streets_is_a_crossing_unless_a_known_town_has_the_name(
     assert find_maps([BROSSARD, SYDNEY], place="Rue Oxford / Rue Sydney")[0].entry is BROSSARD
 
 
-def test_a_place_far_from_all_is_answered_with_what_there_is() -> None:
+def test_a_place_far_from_all_maps_is_answered_with_the_available_ones() -> None:
     with pytest.raises(UnknownName, match="similar name") as refusal:
         find_maps([a_map("Pine Street")], place="Ouagadougou")
     assert refusal.value.valid == ("“Seattle”",)

@@ -11,7 +11,7 @@ def kept(question: str, answer: object = "said", *, at: float | None = None) -> 
     return KeptAnswer(question, "host", time.time() if at is None else at, answer)
 
 
-def test_what_was_kept_is_found_by_its_question_alone(tmp_path: Path) -> None:
+def test_a_cached_answer_is_found_by_its_question_alone(tmp_path: Path) -> None:
     cache = AnswerCache(tmp_path, 1, 30)
     cache.keep(kept("where is Rome", [{"lat": "41.9"}]))
     found = AnswerCache(tmp_path, 1, 30).find("where is Rome")
@@ -20,7 +20,7 @@ def test_what_was_kept_is_found_by_its_question_alone(tmp_path: Path) -> None:
     assert cache.find("where is Paris") is None
 
 
-def test_an_old_answer_counts_only_where_age_does_not(tmp_path: Path) -> None:
+def test_an_old_answer_counts_only_if_age_does_not_matter(tmp_path: Path) -> None:
     cache = AnswerCache(tmp_path, 1, 30)
     cache.keep(kept("old", at=time.time() - 31 * 86_400))
     assert cache.find("old") is None
@@ -36,7 +36,7 @@ def test_a_damaged_answer_is_ignored_and_removed(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_longest_unused_go_where_there_is_no_room(tmp_path: Path) -> None:
+def test_the_longest_unused_answers_are_removed_without_room(tmp_path: Path) -> None:
     cache = AnswerCache(tmp_path, 1, 30)
     noise = [os.urandom(150_000).hex() for _ in range(7)]
     for number, text in enumerate(noise):
@@ -51,7 +51,7 @@ def test_the_longest_unused_go_where_there_is_no_room(tmp_path: Path) -> None:
     assert cache.find("q1") is None
 
 
-def test_answer_from_long_after_now_is_asked_for_again(tmp_path: Path) -> None:
+def test_answer_from_long_after_now_is_requested_again(tmp_path: Path) -> None:
     """The clock was set back by a year since it was kept."""
     cache = AnswerCache(tmp_path, 1, 30)
     cache.keep(KeptAnswer("where is Rome", "a host", time.time() + 365 * 86_400, []))

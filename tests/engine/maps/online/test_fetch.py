@@ -79,7 +79,7 @@ def test_of_a_large_place_the_surroundings_of_a_site_are_fetched(
     assert "too large to fetch whole" in result.notes[0]
 
 
-def test_many_scenarios_have_several_maps_whose_cores_do_not_overlap(
+def test_many_scenarios_have_several_maps_without_overlapping_cores(
     extracts: list[Extract], region: Box, tmp_path: Path
 ) -> None:
     with MapServers(extracts, ()).running() as servers:
@@ -105,7 +105,7 @@ def test_a_road_that_only_the_map_knows_is_found_in_its_town(
             fetched(servers, tmp_path, region, "any", roads=(("Elm Street",),))
 
 
-def test_what_is_not_there_is_refused_with_what_is(extracts: list[Extract], tmp_path: Path) -> None:
+def test_missing_sites_are_refused_with_available_ones(extracts: list[Extract], tmp_path: Path) -> None:
     with MapServers(extracts, ()).running() as servers:
         with pytest.raises(NotPossible, match="no signalised_intersection site") as caught:
             fetched(servers, tmp_path, extracts[0].box, "signalised_intersection")
@@ -115,7 +115,7 @@ def test_what_is_not_there_is_refused_with_what_is(extracts: list[Extract], tmp_
             fetched(servers, tmp_path, (10.0, 10.0, 10.01, 10.01), "any")
 
 
-def test_houses_are_asked_for_only_where_they_tell_something(extracts: list[Extract], tmp_path: Path) -> None:
+def test_houses_are_requested_only_where_they_add_information(extracts: list[Extract], tmp_path: Path) -> None:
     with MapServers(extracts, ()).running() as servers:
         fetched(servers, tmp_path, extracts[0].box, "roundabout")
         fetched(servers, tmp_path, extracts[0].box, "urban")

@@ -49,7 +49,7 @@ def test_a_road_that_nominatim_does_not_know_is_left_to_the_map_of_its_town(tmp_
         assert (place.name, place.roads) == ("Rechteck", (("Marktstrasse Nord",),))
 
 
-def test_of_two_towns_the_far_better_known_is_meant(tmp_path: Path) -> None:
+def test_of_two_towns_the_far_better_known_one_is_chosen(tmp_path: Path) -> None:
     towns = [town("Paris", (48.86, 2.35), 0.9, "Île-de-France", "FRA"), town("Paris", (33.66, -95.56), 0.5, "Texas")]
     with MapServers((), towns).running() as servers:
         assert found(servers, tmp_path, "Paris").country == "FRA"
@@ -75,7 +75,7 @@ def test_one_town_that_is_listed_twice_is_one(tmp_path: Path) -> None:
         assert found(servers, tmp_path, "Ringstadt").label == "Ringstadt, Bavaria, Germany"
 
 
-def test_a_territory_with_a_code_of_its_own_is_found_by_it(tmp_path: Path) -> None:
+def test_a_territory_with_its_own_code_is_found_by_it(tmp_path: Path) -> None:
     with MapServers((), [settlement(["Frederiksted"], "VIR", (17.6, -64.9, 17.8, -64.8))]).running() as servers:
         assert found(servers, tmp_path, "Frederiksted", "VIR").country == "VIR"
 
@@ -89,7 +89,7 @@ def test_an_unknown_place_is_refused(tmp_path: Path) -> None:
             located(servers, tmp_path, "Ringstadt", "FRA")
 
 
-def test_a_bar_is_not_what_a_bare_name_means(tmp_path: Path) -> None:
+def test_a_bare_name_does_not_select_a_bar(tmp_path: Path) -> None:
     bar = Place({"name": "Atlantis"}, "amenity", "bar", *HERE, (48.0, 11.0, 48.0, 11.0), "DEU", {"city": "Ringstadt"})
     extract = drawn_town("kreiselheim.osm")
     with MapServers([extract], [bar, *town_places("Ringstadt", extract)]).running() as servers:
@@ -98,7 +98,7 @@ def test_a_bar_is_not_what_a_bare_name_means(tmp_path: Path) -> None:
         assert found(servers, tmp_path, "Atlantis, Ringstadt").kind == "bar"
 
 
-def test_a_finding_without_a_name_of_its_own_is_a_place_all_the_same(tmp_path: Path) -> None:
+def test_a_finding_without_its_own_name_is_still_a_place(tmp_path: Path) -> None:
     box = (48.0, 11.0, 48.2, 11.2)
     nameless = Place({"operator": "Nirgendwo"}, "boundary", "city", 48.1, 11.1, box, "DEU", importance=0.6)
     with MapServers((), [nameless]).running() as servers:

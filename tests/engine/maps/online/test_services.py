@@ -36,7 +36,7 @@ NOWHERE = '[out:json][timeout:5];(way["highway"](1.0,1.0,1.1,1.1););out tags cen
         ("no_slot", "has no slot free for"),
     ],
 )
-def test_the_next_service_answers_and_the_trouble_is_told(kind: FaultKind, told: str, tmp_path: Path) -> None:
+def test_the_next_service_answers_and_the_trouble_is_reported(kind: FaultKind, told: str, tmp_path: Path) -> None:
     with town_servers().running() as servers:
         servers.fail("one", Fault(kind, 2, wait_s=60 if kind == "no_slot" else 0))
         answered = ServiceClient(services_of(servers, tmp_path), silent).query(ROADS)
@@ -78,7 +78,7 @@ NODE = '{"type": "node", "id": 1, "lat": 48.0, "lon": 11.0}'
         "9" * 5_000,
     ],
 )
-def test_an_answer_in_another_form_is_not_kept_and_the_next_service_is_asked(elements: str, tmp_path: Path) -> None:
+def test_an_answer_in_another_form_is_not_cached_and_the_next_service_is_queried(elements: str, tmp_path: Path) -> None:
     forged = Fault("forged", 2, body=f'{{"elements": {elements}}}'.encode())
     with town_servers().running() as servers:
         servers.fail("one", forged)
@@ -115,7 +115,7 @@ def test_a_finding_in_another_form_is_an_error_of_the_service_that_is_not_kept(
     assert list(tmp_path.glob("*.json.gz")) == []
 
 
-def test_a_kept_answer_in_another_form_is_removed_and_the_service_is_asked(tmp_path: Path) -> None:
+def test_a_cached_answer_in_another_form_is_removed_and_the_service_is_queried(tmp_path: Path) -> None:
     with town_servers().running() as servers:
         here = services_of(servers, tmp_path)
         AnswerCache(tmp_path, 10, 10.0).keep(KeptAnswer(f"overpass {ROADS}", "one", time.time(), {"elements": [None]}))
@@ -123,7 +123,7 @@ def test_a_kept_answer_in_another_form_is_removed_and_the_service_is_asked(tmp_p
         assert (answered.kept, len(answered.answer["elements"])) == (False, 7)
 
 
-def test_a_service_is_asked_again_when_it_wants_to_be(tmp_path: Path) -> None:
+def test_a_service_is_queried_again_when_it_allows_it(tmp_path: Path) -> None:
     with town_servers().running() as servers:
         servers.fail("one", Fault("429", 1, wait_s=1))
         answered = ServiceClient(services_of(servers, tmp_path), silent).query(ROADS)
@@ -142,7 +142,7 @@ def test_a_service_that_wants_an_hour_is_left_for_the_next(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("kind", ["slow", "drip"])
-def test_a_service_that_takes_too_long_is_left(kind: FaultKind, tmp_path: Path) -> None:
+def test_a_service_that_needs_too_long_is_abandoned(kind: FaultKind, tmp_path: Path) -> None:
     with town_servers().running() as servers:
         servers.fail("one", Fault(kind))
         answered = ServiceClient(services_of(servers, tmp_path, timeout_s=1.0), silent).query(ROADS)
@@ -150,7 +150,7 @@ def test_a_service_that_takes_too_long_is_left(kind: FaultKind, tmp_path: Path) 
         assert "in time" in answered.troubles[0] or "too slowly" in answered.troubles[0]
 
 
-def test_too_long_an_answer_is_not_read_and_not_asked_for_elsewhere(tmp_path: Path) -> None:
+def test_an_answer_that_is_too_long_is_not_read_and_not_requested_elsewhere(tmp_path: Path) -> None:
     with town_servers().running() as servers:
         servers.fail("one", Fault("huge"))
         with pytest.raises(NotPossible, match="60 MB"):
@@ -158,7 +158,7 @@ def test_too_long_an_answer_is_not_read_and_not_asked_for_elsewhere(tmp_path: Pa
         assert servers.asked("two") == []
 
 
-def test_an_empty_answer_is_believed_when_a_second_service_says_so(tmp_path: Path) -> None:
+def test_an_empty_answer_counts_if_a_second_service_confirms_it(tmp_path: Path) -> None:
     with town_servers(mirrors=(Mirror("one"), Mirror("two"), Mirror("three"))).running() as servers:
         answered = ServiceClient(services_of(servers, tmp_path), silent).query(NOWHERE)
         assert answered.answer["elements"] == []
@@ -186,7 +186,7 @@ def test_an_empty_answer_is_kept_for_an_hour_and_offline_for_ever(
         assert ServiceClient(offline, silent).query(NOWHERE).kept
 
 
-def test_what_one_service_said_stays_when_another_differs(tmp_path: Path) -> None:
+def test_one_service_s_answer_stays_if_another_differs(tmp_path: Path) -> None:
     mirrors = (Mirror("one"), Mirror("two", data_time="2019-01-01T00:00:00Z", lacks=("name", "Nordring")))
     with town_servers(mirrors=mirrors).running() as servers:
         servers.fail("one", Fault("403"))
@@ -207,7 +207,7 @@ def test_a_kept_answer_needs_no_service_and_no_permission(tmp_path: Path) -> Non
         ServiceClient(here.model_copy(update={"mode": "cache"}), silent).query(NOWHERE)
 
 
-def test_an_answer_that_is_too_old_is_used_where_no_service_can_be_asked(tmp_path: Path) -> None:
+def test_an_old_answer_is_used_if_no_service_is_available(tmp_path: Path) -> None:
     with town_servers().running() as servers:
         ServiceClient(services_of(servers, tmp_path), silent).query(ROADS)
         here = services_of(servers, tmp_path, cache_days=1e-9)
@@ -216,7 +216,7 @@ def test_an_answer_that_is_too_old_is_used_where_no_service_can_be_asked(tmp_pat
     assert "old cached answer" in answered.troubles[-1]
 
 
-def test_without_a_net_the_refusal_comes_at_once(tmp_path: Path) -> None:
+def test_without_a_net_the_refusal_is_immediate(tmp_path: Path) -> None:
     with town_servers().running() as servers:
         here = services_of(servers, tmp_path)
     began = time.monotonic()

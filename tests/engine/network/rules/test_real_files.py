@@ -36,7 +36,7 @@ def findings_in(path: Path) -> dict[str, list[str]]:
     return {path.name: broken} if broken else {}
 
 
-def test_rules_find_the_known_defects_of_real_files_and_nothing_else(shared_data: Path) -> None:
+def test_rules_find_exactly_the_known_defects_of_real_files(shared_data: Path) -> None:
     broken = {path.name: sorted(set(findings_in(path).get(path.name, ()))) for path in there(shared_data, DEFECTS)}
     assert broken == {name: DEFECTS[name] for name in broken}
 

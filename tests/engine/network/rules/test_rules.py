@@ -25,7 +25,7 @@ def test_a_good_road_is_silent(tmp_path: Path) -> None:
     assert broken_rules(good_road(), tmp_path) == set()
 
 
-def test_a_file_of_nothing_but_short_lanelets_is_judged(tmp_path: Path) -> None:
+def test_a_file_with_only_short_lanelets_is_checked(tmp_path: Path) -> None:
     root = etree.Element("commonRoad", {"benchmarkID": "DEU_Short-1_1_T-1"})
     add_lanelet(root, 1, [(0, 0), (0.5, 0), (1, 0)])
     assert broken_rules(root, tmp_path) == set()
@@ -38,7 +38,7 @@ def test_a_rule_catches_its_defect_and_no_other_rule_does(name: str, tmp_path: P
     assert broken_rules(root, tmp_path) == {name, *COMPANIONS.get(name, set())}
 
 
-def test_a_rule_is_called_after_its_function_and_says_what_it_means() -> None:
+def test_a_rule_has_its_function_s_name_and_states_its_meaning() -> None:
     rules = all_rules()
     assert len(set(NAMES)) == len(rules)
     assert set(DEFECTS) == set(NAMES)
@@ -54,7 +54,7 @@ def test_a_rule_is_called_after_its_function_and_says_what_it_means() -> None:
     north=st.floats(-5e5, 5e5),
     points=st.integers(3, 40),
 )
-def test_a_plain_road_is_silent_wherever_it_lies_and_however_it_bends(
+def test_a_plain_road_has_no_findings_at_any_place_and_curvature(
     tmp_path_factory: pytest.TempPathFactory, angle: float, bend: float, east: float, north: float, points: int
 ) -> None:
     center, heading = [(east, north)], angle

@@ -25,7 +25,7 @@ def between_straights(curve: Points, turn_rad: float) -> Points:
 
 
 @given(st.floats(0.3, 2.6), st.floats(1.0, 30.0), st.booleans())
-def test_curve_that_is_a_lanelet_of_its_own_is_driven_as_slowly_as_within_one(
+def test_a_curve_that_is_its_own_lanelet_is_driven_as_slowly_as_within_one(
     turn_rad: float, length_m: float, to_the_right: bool
 ) -> None:
     side = [1.0, -1.0 if to_the_right else 1.0]

@@ -35,7 +35,7 @@ def test_lanelets_side_by_side_in_one_direction_are_lanes_of_an_edge_from_the_ri
     assert layout.edges["e3"] == (3,)
 
 
-def test_every_lanelet_is_a_lane_or_part_of_a_way_through_a_junction(tmp_path: Path) -> None:
+def test_every_lanelet_is_a_lane_or_part_of_a_path_through_a_junction(tmp_path: Path) -> None:
     for builder in (town_road(), crossing()):
         layout, _ = written(builder, tmp_path)
         covered = {key for keys in layout.lanelets_of_lane.values() for key in keys}
@@ -50,7 +50,7 @@ def test_lanes_have_the_centre_lines_of_the_lanelets_as_shapes(tmp_path: Path) -
     assert points[-1] == pytest.approx((220, -100), abs=1e-3)
 
 
-def test_crossing_lanelets_lie_in_a_junction_where_the_left_yields_to_the_right(tmp_path: Path) -> None:
+def test_crossing_lanelets_are_in_a_junction_where_the_left_yields_to_the_right(tmp_path: Path) -> None:
     layout, net = written(crossing(), tmp_path)
     assert layout.interior.lanelets == {2, 5}
     states = {
@@ -73,7 +73,7 @@ def test_sumo_loads_the_network_with_exactly_these_lanes(tmp_path: Path) -> None
             libsumo.close()
 
 
-def test_bends_are_driven_more_slowly_than_straights(tmp_path: Path) -> None:
+def test_curves_are_driven_more_slowly_than_straights(tmp_path: Path) -> None:
     _, net = written(town_road(), tmp_path)
     lanes = etree.parse(net)
     straight = float(lanes.find(".//lane[@id='e1_0']").get("speed"))

@@ -17,13 +17,13 @@ def link(shape: Points) -> Link:
 
 
 @given(SHAPES, SHAPES)
-def test_ways_that_cross_always_may(first: Points, second: Points) -> None:
+def test_crossing_paths_always_count_as_crossing(first: Points, second: Points) -> None:
     crosses = crossing_of(first, second) is not None
     assert link(first).may_cross(link(second)) >= crosses
     assert link(first).may_cross(link(second)) == link(second).may_cross(link(first))
 
 
-def test_ways_beside_each_other_cannot_cross() -> None:
+def test_parallel_routes_cannot_cross() -> None:
     lane = np.array([[0.0, 0.0], [50.0, 1.0]])
     assert not link(lane).may_cross(link(lane + np.array([0.0, 3.5])))
     assert not link(lane).may_cross(link(lane + np.array([51.0, 0.0])))

@@ -66,7 +66,7 @@ def test_sumo_shows_the_colour_of_every_step(network: Any, tmp_path: Path, offse
         libsumo.close()
 
 
-def test_a_light_for_a_direction_leaves_the_other_ways_free(network: Any, tmp_path: Path) -> None:
+def test_a_light_for_a_direction_leaves_the_other_paths_free(network: Any, tmp_path: Path) -> None:
     add_light(network, 900, 1, direction="right")
     text = write(network, tmp_path, signals_of(network, STEP_S)).read_text(encoding="utf-8")
     controlled = [line for line in text.splitlines() if 'tl="tl900"' in line]
@@ -74,7 +74,7 @@ def test_a_light_for_a_direction_leaves_the_other_ways_free(network: Any, tmp_pa
     assert 'to="e12"' in controlled[0]
 
 
-def test_a_light_that_is_off_or_has_no_cycle_is_none(network: Any) -> None:
+def test_a_light_that_is_off_or_has_no_cycle_is_left_out(network: Any) -> None:
     add_light(network, 900, 1).active = False
     add_light(network, 901, 2).traffic_light_cycle.cycle_elements = []
     assert signals_of(network, STEP_S) == ()

@@ -122,7 +122,7 @@ def gone(pid: int) -> bool:
     return False
 
 
-def test_no_trajectory_is_an_outcome_with_what_was_rejected(tmp_path: Path) -> None:
+def test_no_trajectory_is_an_outcome_with_the_rejected_candidates(tmp_path: Path) -> None:
     record = driven(tmp_path, declared("finds_none")).record
     assert record.outcome == "infeasible"
     assert record.rejected_candidates == {"comfort_limit": 12}
@@ -173,7 +173,7 @@ def test_an_edited_program_is_another_version(tmp_path: Path) -> None:
     assert len(set(versions)) == 2
 
 
-def test_a_run_is_made_under_the_version_that_was_asked_for(tmp_path: Path) -> None:
+def test_a_run_uses_the_requested_version(tmp_path: Path) -> None:
     with programs_named({"mine": declared("drives")}):
         version = planner_version("mine")
     assert driven(tmp_path, declared("drives"), version=version).record.outcome == "goal_reached"

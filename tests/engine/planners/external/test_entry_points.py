@@ -46,7 +46,7 @@ def test_a_planner_of_another_package_drives(installed: Install) -> None:
     assert slowed.plans[0].costs == {"slower": 2.0}
 
 
-def test_what_it_declares_can_be_set(installed: Install) -> None:
+def test_declared_parameters_can_be_set(installed: Install) -> None:
     installed("second")
     tuning = tuning_of("Second")
     assert tuning.summary == "drives straight on"
@@ -58,7 +58,7 @@ def test_what_it_declares_can_be_set(installed: Install) -> None:
     assert configuration("second", "slower_mps2=3").weights == {"slower_mps2": 3.0}
 
 
-def test_to_know_it_and_what_it_declares_imports_nothing_of_it(installed: Install) -> None:
+def test_reading_its_declaration_does_not_import_the_planner(installed: Install) -> None:
     installed("third")
     assert "third" in planner_names()
     assert known_planner("Third") == "third"
@@ -89,7 +89,7 @@ def test_a_name_that_cannot_be_written_is_refused(installed: Install) -> None:
     assert refused_planners()[0].startswith("entry point of own_spaced: 'my planner' is not a valid name")
 
 
-def test_an_unknown_name_names_those_of_others_too(installed: Install) -> None:
+def test_an_unknown_name_is_answered_with_the_user_s_planners_too(installed: Install) -> None:
     installed("fifth")
     with pytest.raises(UnknownName) as caught:
         known_planner("fith")
@@ -128,7 +128,7 @@ def test_a_package_that_hangs_when_imported_is_left(installed: Install, monkeypa
         tuning_of("sleeper")
 
 
-def test_what_a_package_prints_when_imported_is_no_declaration(installed: Install) -> None:
+def test_output_of_a_package_at_import_is_not_a_declaration(installed: Install) -> None:
     installed("talker", "print('{}')\n" + STRAIGHT)
     assert tuning_of("talker").summary == "drives straight on"
 
@@ -181,7 +181,7 @@ def test_what_a_package_prints_when_imported_is_no_declaration(installed: Instal
         ("infinite", "np.full(21, ego.heading_rad)", "np.full(21, np.inf)", "contract_broken", "not finite"),
     ],
 )
-def test_what_a_planner_does_wrong_is_its_error(
+def test_a_planner_s_fault_is_its_own_error(
     name: str, part: str, instead: str, reason: str, told: str, installed: Install
 ) -> None:
     assert part in STRAIGHT

@@ -81,7 +81,7 @@ def heard(folder: Path, builder: ScenarioBuilder, **fields: Any) -> tuple[StartM
     return StartMessage.model_validate_json(start), [StepMessage.model_validate_json(line) for line in whole]
 
 
-def test_it_is_told_the_task_once(tmp_path: Path) -> None:
+def test_a_program_gets_the_task_once(tmp_path: Path) -> None:
     start, _ = heard(tmp_path, road())
     assert (start.scenario_id, start.problem_id, start.step_s) == ("ZAM_Builder-1_1_T-1", 100, 0.1)
     assert start.vehicle["maximum_steering_rate_radps"] == 0.4
@@ -95,7 +95,7 @@ def test_it_is_told_the_task_once(tmp_path: Path) -> None:
     assert start.reference.x_m[0] < 40.0 < start.reference.x_m[-1]
 
 
-def test_it_is_told_others_as_observed_and_as_predicted_and_never_their_recording(tmp_path: Path) -> None:
+def test_a_program_gets_others_as_observed_and_predicted_but_never_their_recording(tmp_path: Path) -> None:
     lead = driving(7, (70.0, 0.0), 8.0, 60, kind="truck", size_m=(9.0, 2.5))
     braking = replace(lead, poses=tuple((x - 0.1 * index**2 / 2, *rest) for index, (x, *rest) in enumerate(lead.poses)))
     _, steps = heard(tmp_path, road().with_vehicles(braking))  # type: ignore[arg-type]
@@ -107,7 +107,7 @@ def test_it_is_told_others_as_observed_and_as_predicted_and_never_their_recordin
     assert len(other.predicted.x_m) == 31
 
 
-def test_it_is_told_where_it_is_on_its_route(tmp_path: Path) -> None:
+def test_a_program_learns_where_it_is_on_its_route(tmp_path: Path) -> None:
     start_aside = replace(road(), problems=(replace(NEAR, start=(40.0, 0.4, 0.05, 10.0)),))
     _, steps = heard(tmp_path, start_aside)
     first = steps[0]
@@ -159,7 +159,7 @@ def test_misbehaviour_is_a_named_error(behaviour: str, reason: str, tmp_path: Pa
     assert f"({reason})" in caught.value.text
 
 
-def test_no_trajectory_ends_the_run_as_infeasible_with_what_was_rejected(tmp_path: Path) -> None:
+def test_no_trajectory_ends_the_run_as_infeasible_with_the_rejected_candidates(tmp_path: Path) -> None:
     listener = tmp_path / "none.py"
     listener.write_text(
         "import json, sys\n"
@@ -193,7 +193,7 @@ def drives_as_the_example(folder: Path, command: tuple[str, ...]) -> RunResponse
     return driven(folder, planner, replace(behind, problems=(FAR,)))
 
 
-def test_the_example_in_python_follows_a_slower_car_and_says_why(tmp_path: Path) -> None:
+def test_the_example_in_python_follows_a_slower_car_and_gives_the_reason(tmp_path: Path) -> None:
     response = drives_as_the_example(tmp_path, (sys.executable, "-S", str(EXAMPLES / "stepwise_planner.py")))
     assert response.record.outcome in {"goal_reached", "goal_late", "timeout"}
     assert response.record.beyond_vehicle == ()
@@ -215,7 +215,7 @@ def test_the_example_in_cpp_compiles_and_plans_as_the_one_in_python(tmp_path: Pa
 
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="needs a C++ compiler")
-def test_the_example_in_cpp_refuses_what_is_no_json(tmp_path: Path) -> None:
+def test_the_example_in_cpp_refuses_invalid_json(tmp_path: Path) -> None:
     program = tmp_path / "stepwise_planner"
     build = ["g++", "-O0", "-std=c++17", "-o", str(program), str(EXAMPLES / "stepwise_planner.cpp")]
     subprocess.run(build, check=True, capture_output=True)

@@ -43,7 +43,7 @@ def checkout(folder: Path, text: str = "print(1)\n") -> Path:
     return source
 
 
-def test_a_declared_version_stands_with_the_digest_of_the_source(installed: Install) -> None:
+def test_a_declared_version_comes_with_the_digest_of_the_source(installed: Install) -> None:
     declared = STRAIGHT.replace('summary="drives straight on"', 'summary="drives straight on", version="v2.1"')
     installed("versioned", declared)
     found = version_that_drives("versioned")
@@ -88,7 +88,7 @@ def test_a_repository_that_only_surrounds_the_source_is_not_its_version(tmp_path
 
 
 @needs_git
-def test_nothing_that_a_repository_configures_is_run(tmp_path: Path) -> None:
+def test_commands_configured_in_a_repository_are_not_run(tmp_path: Path) -> None:
     source = checkout(tmp_path / "checkout")
     ran = tmp_path / "ran"
     script = tmp_path / "hook.sh"

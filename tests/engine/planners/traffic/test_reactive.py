@@ -74,7 +74,7 @@ def request(builder: ScenarioBuilder, folder: Path, traffic: Traffic = "reactive
     )
 
 
-def test_a_reactive_follower_brakes_where_the_recorded_one_hits(tmp_path: Path) -> None:
+def test_a_reactive_follower_brakes_although_the_recorded_one_hits(tmp_path: Path) -> None:
     problem = Problem(start=(0.0, 0.0, 0.0, 10.0), goal=(55.0, 0.0, 4.0, 3.0), steps=(50, 60))
     one_lane = replace(crossing(), vehicles=(driving(32, (-25.0, 0.0), 10.0, 80),), problems=(problem,))
     scenario = loaded(one_lane, tmp_path)
@@ -97,7 +97,7 @@ def test_an_ego_across_the_line_is_seen_from_both_lanes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("width_m", [2.5, 3.0])
-def test_passing_an_ego_near_the_line_leaves_room_beside_it(width_m: float, tmp_path: Path) -> None:
+def test_passing_an_ego_near_the_line_leaves_lateral_room(width_m: float, tmp_path: Path) -> None:
     near_the_line = replace(FAR, start=(60.0, 1.2, 0.0, 10.0))
     truck = driving(33, (28.0, 3.5), 10.0, 100, kind="truck", size_m=(8.0, width_m))
     run = braked(loaded(road(truck, problem=near_the_line), tmp_path), "reactive")
@@ -124,7 +124,7 @@ def test_an_ego_that_comes_over_the_line_is_seen_from_the_next_lane(tmp_path: Pa
     assert traffic.driven[0].positions[-1][0] + 4.0 < 70.0 - BMW_320I.length_m / 2
 
 
-def test_a_replayed_one_that_comes_over_the_line_is_seen_from_the_next_lane(tmp_path: Path) -> None:
+def test_a_replayed_vehicle_that_crosses_the_line_is_seen_from_the_next_lane(tmp_path: Path) -> None:
     truck = driving(33, (18.0, 3.5), 10.0, 100, kind="truck", size_m=(8.0, 3.0))
     poses = tuple((*moving_aside(step, 70.0), 0.0, 5.0 if step < 20 else 0.0) for step in range(100))
     walker = Vehicle(60, poses, kind="pedestrian", length_m=1.6, width_m=1.6)
@@ -135,7 +135,7 @@ def test_a_replayed_one_that_comes_over_the_line_is_seen_from_the_next_lane(tmp_
 
 
 @pytest.mark.parametrize("follower", [driving(32, (-20.0, 0.0), 8.0, 80), driving(32, (-20.0, -0.8), 8.0, 80)])
-def test_an_ego_where_lanes_merge_stands_on_the_lane_of_its_follower(follower: Vehicle, tmp_path: Path) -> None:
+def test_an_ego_at_a_merge_is_on_the_lane_of_its_follower(follower: Vehicle, tmp_path: Path) -> None:
     beside = ((-90.0, -6.0), (-45.0, -3.0), (-22.0, -1.0), (-10.0, -0.3), (0.0, 0.0))
     lanes = (
         Lane(1, line((-90, 0), (0, 0)), successors=(3,)),
@@ -152,7 +152,7 @@ def test_an_ego_where_lanes_merge_stands_on_the_lane_of_its_follower(follower: V
 
 @pytest.mark.shared_data
 @pytest.mark.parametrize(("name", "seed"), [("DEU_Backnang-5_1_T-1", 1173584164), ("ZAM_Zip-1_56_T-1", 2730695510)])
-def test_followers_brake_by_sight_where_lanes_hide_the_ego(name: str, seed: int, shared_data: Path) -> None:
+def test_followers_brake_by_sight_if_lanes_hide_the_ego(name: str, seed: int, shared_data: Path) -> None:
     scenario = drawn_approach(read_scenario(shared_data / "data/commonroad" / f"{name}.xml"), random.Random(seed))
     assert scenario is not None
     run = braked(scenario, "reactive")
@@ -211,7 +211,7 @@ def test_recorded_runs_keep_no_others(tmp_path: Path) -> None:
     assert response.record.on_recording == ()
 
 
-def test_the_metrics_are_those_of_what_the_others_did(tmp_path: Path) -> None:
+def test_the_metrics_follow_the_others_actual_motion(tmp_path: Path) -> None:
     response = run_planner(request(road(driving(32, (35.0, 0.0), 14.0, 100)), tmp_path), silent)
     assert response.record.metrics is not None
     assert response.record.metrics.minimum_distance_m is not None
@@ -241,9 +241,7 @@ def test_a_reactive_run_is_the_same_twice_and_in_another_process(tmp_path: Path)
 @pytest.mark.parametrize(
     ("gap_m", "ego_speed_mps", "room"), [(0.5, 10.0, False), (15.0, 10.0, True), (8.0, 0.0, False)]
 )
-def test_whoever_would_have_to_hit_the_ego_waits(
-    tmp_path: Path, gap_m: float, ego_speed_mps: float, room: bool
-) -> None:
+def test_a_vehicle_that_would_hit_the_ego_waits(tmp_path: Path, gap_m: float, ego_speed_mps: float, room: bool) -> None:
     scenario = loaded(road(driving(32, (20.0, 0.0), 10.0, 20)), tmp_path)
     track = RecordedTraffic(scenario.scenario).moving[0]
     ego = EgoState(50, np.array([20.0 + gap_m + (4.5 + 4.508) / 2, 0.0]), 0.0, ego_speed_mps)

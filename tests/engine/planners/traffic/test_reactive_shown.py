@@ -63,7 +63,7 @@ def test_staying_between_the_lines_keeps_the_entry() -> None:
 
 
 @pytest.mark.parametrize("asides_m", [[0.0, 1.2, 1.3, 1.3], [1.2, 0.0, 0.1, 0.1], [1.2, -1.2, -1.2, -1.2]])
-def test_coming_over_a_line_or_back_enters_anew_once(asides_m: list[float]) -> None:
+def test_coming_over_a_line_or_back_enters_again_once(asides_m: list[float]) -> None:
     road = driven(asides_m)
     assert road.entries == ["ego:0", "ego:1"]
     assert road.removed == ["ego:0"]
@@ -74,7 +74,7 @@ def test_changing_the_lane_needs_no_new_entry() -> None:
     assert driven([0.0, 1.2, 1.2, 1.2], ["e1_0", "e1_1", "e1_1", "e1_1"]).entries == ["ego:0"]
 
 
-def test_a_lost_vehicle_enters_anew() -> None:
+def test_a_lost_vehicle_enters_again() -> None:
     road = OneLane()
     ego = ShownVehicle(road, "ego", ("e1",))
     for _ in range(2):
@@ -83,7 +83,7 @@ def test_a_lost_vehicle_enters_anew() -> None:
     assert road.entries == ["ego:0", "ego:1"]
 
 
-def test_a_vehicle_that_leaves_the_road_is_taken_out_and_enters_anew() -> None:
+def test_a_vehicle_that_leaves_the_road_is_removed_and_enters_again() -> None:
     # SUMO crashes on what it still knows of such a vehicle.
     road = driven([0.0, 0.0, 0.0, 0.0], ["e1_0", "", "", "e1_0"])
     assert road.removed == ["ego:0"]

@@ -77,13 +77,13 @@ def test_a_time_gap_is_that_to_the_driven_ego(tmp_path: Path) -> None:
     assert braking_step(run(outcome, [15.0] * _STEPS)[31]) is not None
 
 
-def test_without_the_ego_nothing_is_set_off_and_the_motion_is_the_recorded_one(tmp_path: Path) -> None:
+def test_without_the_ego_no_trigger_fires_and_the_motion_is_the_recorded_one(tmp_path: Path) -> None:
     lead = run(edited(tmp_path, [{**_BRAKE, "when": "ego@1:80m"}]), [0.0] * _STEPS)[31]
     expected = np.array([pose[:2] for pose in _LEAD.poses])[: len(lead.positions)]
     assert np.allclose(lead.positions, expected, atol=1e-3)
 
 
-def test_those_behind_react_to_what_is_set_off(tmp_path: Path) -> None:
+def test_followers_react_to_a_triggered_motion(tmp_path: Path) -> None:
     follower = driving(33, (58.0, 0.0), 10.0, 120)
     outcome = edited(tmp_path, [{**_BRAKE, "when": "ego@1:50m"}], _LEAD, follower)
     others = run(outcome, [10.0] * 60)
@@ -92,7 +92,7 @@ def test_those_behind_react_to_what_is_set_off(tmp_path: Path) -> None:
     assert gaps.min() > 4.5
 
 
-def test_a_second_trigger_acts_on_what_the_first_made(tmp_path: Path) -> None:
+def test_a_second_trigger_acts_on_the_result_of_the_first(tmp_path: Path) -> None:
     edits = [
         {**_BRAKE, "when": "ego@1:60m"},
         {"op": "change_lane", "vehicles": ["31"], "lane": "left", "lateral_s": 2.0, "when": "ego@1:70m"},
@@ -111,7 +111,7 @@ def test_a_pedestrian_waits_at_the_kerb_until_the_driven_ego_is_near(tmp_path: P
     assert float(np.linalg.norm(soon.positions[-1] - soon.positions[0])) > 1.0
 
 
-def test_one_that_dodges_stops_before_the_ego_and_the_others_do_not(tmp_path: Path) -> None:
+def test_only_a_dodging_actor_stops_before_the_ego(tmp_path: Path) -> None:
     swerve = {"op": "swerve", "vehicles": ["32"], "side": "right", "offset_m": 3.5, "time_s": 1.0, "duration_s": 8.0}
     behind = driving(32, (12.0, 3.5), 14.0, 120)
     hits = {}
@@ -132,7 +132,7 @@ def test_one_that_dodges_stops_before_the_ego_and_the_others_do_not(tmp_path: Pa
     assert hits == {True: False}
 
 
-def test_a_crop_fixes_the_motion_and_says_so(tmp_path: Path) -> None:
+def test_a_crop_fixes_the_motion_and_reports_it(tmp_path: Path) -> None:
     outcome = edited(tmp_path, [{**_BRAKE, "when": "ego@1:60m"}, {"op": "crop", "duration_s": 8.0}])
     assert outcome.xml is not None
     assert b"script=" not in outcome.xml.read_bytes()
@@ -159,14 +159,14 @@ def driven_by_idm(outcome: ModificationOutcome) -> tuple[TriggerOutcome, ...]:
     return run_planner(request, silent).record.triggers
 
 
-def test_a_run_records_since_when_a_trigger_held(tmp_path: Path) -> None:
+def test_a_run_records_when_a_trigger_fired(tmp_path: Path) -> None:
     (held,) = driven_by_idm(edited(tmp_path, [{**_BRAKE, "when": "ego@1:60m"}]))
     assert (held.obstacle_id, held.code, held.begins) == (31, "trigger_fired", "speed_change")
     assert held.time_s is not None
     assert 1.0 < held.time_s < 4.0
 
 
-def test_a_trigger_that_never_held_is_told(tmp_path: Path) -> None:
+def test_a_trigger_that_never_fired_is_reported(tmp_path: Path) -> None:
     aside = {"op": "change_lane", "vehicles": ["31"], "lane": "left", "lateral_s": 2.0, "when": "ego@1:60m"}
     outcome = edited(tmp_path, [aside])
     assert outcome.xml is not None
@@ -181,5 +181,5 @@ def test_a_trigger_that_never_held_is_told(tmp_path: Path) -> None:
     assert never.code in never.in_words()
 
 
-def test_a_run_without_triggers_records_none(tmp_path: Path) -> None:
+def test_a_run_without_triggers_records_no_trigger(tmp_path: Path) -> None:
     assert driven_by_idm(edited(tmp_path, [_BRAKE])) == ()

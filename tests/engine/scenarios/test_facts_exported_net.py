@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from support.builders import town_road
 
-from plannerforge.engine.catalog import net_beside
+from plannerforge.engine.catalog import exported_net
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.scenarios.facts import read_facts
 from plannerforge.schemas.errors import UnsafeInput
@@ -24,7 +24,7 @@ REFUSED = {
 def request(folder: Path, net: str) -> ReadFactsRequest:
     path = town_road().cut(3).write(folder / "a.xml")
     (folder / "a.net.xml").write_text(net, encoding="utf-8")
-    return ReadFactsRequest(path=path, net=net_beside(path))
+    return ReadFactsRequest(path=path, net=exported_net(path))
 
 
 def test_a_network_file_next_to_a_scenario_is_used(tmp_path: Path) -> None:
@@ -32,7 +32,7 @@ def test_a_network_file_next_to_a_scenario_is_used(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_is_no_network_is_refused_by_its_name(tmp_path: Path, name: str) -> None:
+def test_a_file_that_is_not_a_network_is_refused_by_name(tmp_path: Path, name: str) -> None:
     net, reason = REFUSED[name]
     asked = request(tmp_path, net)
     limit = 4000 if "larger" in name else asked.file_bytes

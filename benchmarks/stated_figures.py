@@ -79,7 +79,7 @@ def texts_in(content: Any, key: str = "", around: Any = None) -> Iterator[tuple[
             yield from texts_in(part, key, around)
 
 
-class Held:
+class ContentNumbers:
     """The numbers of some structured content, to be looked up as they are shown."""
 
     def __init__(self, *contents: Any) -> None:
@@ -127,7 +127,7 @@ def unknown_in_text(text: str, content: Any, asked: Any = None) -> list[str]:
     names, found, items, lines = names_of(content, asked), list[str](), 0, text.splitlines()
     listed = sum(line.startswith("- ") for line in lines)
     sentences = [figure for told in _sentences(content) for figure in figures_in(told, names)]
-    held = Held(content, asked, [_value_of(figure) for figure in sentences])
+    held = ContentNumbers(content, asked, [_value_of(figure) for figure in sentences])
     for line in lines:
         named = _count_names(line)
         items = items + 1 if line.startswith("- ") else items
@@ -143,7 +143,7 @@ def unknown_in_fields(content: Any, asked: Any = None) -> list[str]:
     for key, text, around in texts_in(content):
         figures = [] if _is_name_key(key) or _FIGURE.fullmatch(text) else figures_in(text, names)
         if figures:
-            held, named = Held(around, asked), _count_names(text)
+            held, named = ContentNumbers(around, asked), _count_names(text)
             unknown = [one for one in figures if not held.has(one) and not held.has_rest(one, range(1, named + 1))]
             found += [f"{figure} in {key}: {text}" for figure in unknown]
     return found

@@ -1,0 +1,359 @@
+"""Imperfect worlds: what the planner's sensors miss, delay and distort. ``docs/worlds.md`` explains every field.
+
+The planner gets what the sensors of a :class:`World` report. The judge, the metrics and the analysis see the truth. The
+default is perfect: the planner gets the true state of every road user within its radius.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from .base import Model
+from .errors import InvalidRequest, UnknownName, closest, instead
+from .grammar import parse_assignment
+
+LARGEST_RANGE_M = 80.0
+"""Planners are never given road users with centres farther away (``engine/planners/prediction.py``)."""
+_MOST_S = 10.0
+"""The longest time of a world's field (chosen: longer than any prediction or latency that a planner could use)."""
+Share = Annotated[float, Field(ge=0, le=1)]
+Duration = Annotated[float, Field(ge=0, le=_MOST_S)]
+
+
+class World(Model):
+    """What the sensors between the scenario and the planner do. All random numbers depend only on the seeds.
+
+    Errors are normally distributed with the given standard deviation. They change slowly, with the time constant
+    ``correlation_s``; 0 makes them independent at every time step.
+    """
+
+    range_m: float = Field(LARGEST_RANGE_M, ge=1, le=LARGEST_RANGE_M, description="how far the sensors reach, in m")
+    view_deg: float = Field(360.0, ge=1, le=360, description="field of view, centred on the ego's heading")
+    visible: Share = Field(
+        0.0, description="share of a body's outline that must be in view to be detected; 0: nothing is hidden"
+    )
+    position_m: float = Field(0.0, ge=0, le=10, description="error of positions, along each axis")
+    speed_mps: float = Field(0.0, ge=0, le=20, description="error of velocities, along each axis")
+    heading_deg: float = Field(0.0, ge=0, le=90, description="error of headings")
+    correlation_s: Duration = Field(0.0, description="time constant of these errors; 0: independent at every step")
+    missed: Share = Field(0.0, description="share of time in which a visible road user is not detected")
+    missed_s: Duration = Field(0.0, description="mean duration of a missed stretch; 0: independent at every step")
+    ghosts: float = Field(0.0, ge=0, le=20, description="mean number of reported road users that do not exist")
+    ghosts_s: Duration = Field(0.5, description="mean duration of a ghost")
+    confused: Share = Field(0.0, description="share of road users that are reported with a wrong class")
+    confirmed_s: Duration = Field(0.0, description="how long a road user must be detected before it is reported")
+    kept_s: Duration = Field(0.0, description="how long a road user that is no longer detected is still reported")
+    latency_s: Duration = Field(0.0, description="age of what is reported")
+    dropped: Share = Field(0.0, description="share of frames that are lost; the planner gets the frame before")
+    localisation_m: float = Field(0.0, ge=0, le=10, description="error of the ego's own position, along each axis")
+    localisation_deg: float = Field(0.0, ge=0, le=45, description="error of the ego's own heading")
+    localisation_s: Duration = Field(5.0, description="time constant of these two errors")
+    seed: int = Field(0, ge=0, le=2**31 - 1, description="seed of the sensors, in addition to the run's")
+
+    @property
+    def is_perfect(self) -> bool:
+        """Return whether the planner gets the truth, whatever the seed."""
+        return not self.senses_imperfectly and not self.locates_imperfectly
+
+    @property
+    def senses_imperfectly(self) -> bool:
+        """Return whether what the planner gets of the other road users differs from the truth."""
+        return any(getattr(self, name) != World.model_fields[name].default for name in _SENSING)
+
+    @property
+    def locates_imperfectly(self) -> bool:
+        """Return whether what the planner gets of the ego's own pose differs from the truth."""
+        return self.localisation_m > 0 or self.localisation_deg > 0
+
+    @property
+    def reports_true_states(self) -> bool:
+        """Return whether the road users that the planner gets have their true present states."""
+        return not any(getattr(self, name) for name in _DISTORTING)
+
+    @property
+    def stated(self) -> dict[str, float]:
+        """The fields that differ from a perfect world, for recipes; empty if the world is perfect.
+
+        Two spellings of one world are equal here, so that they give the same run.
+        """
+        return {} if self.is_perfect else self.model_dump(exclude_defaults=True)
+
+    def in_words(self) -> str:
+        """Return the world as an argument states it: ``perfect``, ``lidar``, or ``camera, missed=0.2``."""
+        if self.is_perfect:
+            return PERFECT_NAME
+        wanted = self.stated
+        base = min(PRESETS, key=lambda name: len(_differing(PRESETS[name].world.stated, wanted)))
+        changed = _differing(PRESETS[base].world.stated, wanted)
+        named = [] if base == PERFECT_NAME else [base]
+        return ", ".join([*named, *(f"{name}={getattr(self, name)!r}".removesuffix(".0") for name in changed)])
+
+
+_SENSING = (
+    "range_m",
+    "view_deg",
+    "visible",
+    "position_m",
+    "speed_mps",
+    "heading_deg",
+    "missed",
+    "ghosts",
+    "confused",
+    "confirmed_s",
+    "latency_s",
+    "dropped",
+)
+"""The fields that change what is reported; the others only qualify these, or locate the ego."""
+_DISTORTING = (
+    "position_m",
+    "speed_mps",
+    "heading_deg",
+    "kept_s",
+    "latency_s",
+    "dropped",
+    "localisation_m",
+    "localisation_deg",
+)
+"""The fields with which a reported state differs from the true one."""
+PERFECT = World()
+"""The default: the planner gets the truth."""
+PERFECT_NAME = "perfect"
+
+
+class Preset(Model):
+    """A named world, its purpose, and the source of its values."""
+
+    world: World
+    intent: str
+    source: str
+
+
+def _axis_error(mean_distance: float) -> float:
+    """Return the standard deviation along each axis of a two-dimensional error with this mean length.
+
+    The error's length has a Rayleigh distribution with a mean of √(π/2) standard deviations.
+    """
+    return round(mean_distance / math.sqrt(math.pi / 2), 2)
+
+
+def _heading_error(mean_rad: float) -> float:
+    """Return the standard deviation in degrees of a heading error with this mean absolute value in rad.
+
+    The mean of the absolute value of a normal distribution is √(2/π) standard deviations.
+    """
+    return round(math.degrees(mean_rad / math.sqrt(2 / math.pi)), 1)
+
+
+_LIDAR = World(
+    visible=0.2,
+    position_m=_axis_error(0.175),
+    speed_mps=_axis_error(0.272),
+    heading_deg=_heading_error(0.083),
+    correlation_s=1.0,
+    missed=0.05,
+    missed_s=0.2,
+    confirmed_s=0.2,
+    kept_s=0.2,
+    latency_s=0.1,
+    localisation_m=0.05,
+    localisation_deg=0.09,
+)
+_CAMERA = _LIDAR.model_copy(
+    update={
+        "range_m": 50.0,
+        "visible": 0.4,
+        "position_m": _axis_error(0.6185),
+        "speed_mps": _axis_error(0.3157),
+        "heading_deg": _heading_error(0.109),
+        "missed": 0.1,
+    }
+)
+PRESETS: Mapping[str, Preset] = MappingProxyType(
+    {
+        PERFECT_NAME: Preset(world=PERFECT, intent="the planner gets the truth", source="the default"),
+        "occlusion": Preset(
+            world=World(visible=0.2),
+            intent="exact, but without road users that others hide",
+            source="the geometry of the scenario; the share in view is chosen",
+        ),
+        "lidar": Preset(
+            world=_LIDAR,
+            intent="a lidar on the roof with a tracker",
+            source=(
+                "errors of cars on nuScenes by TransFusion-L as published with BEVFusion (translation 0.175 m, "
+                "velocity 0.272 m/s, orientation 0.083 rad); tracker of AB3DMOT (Weng et al. 2020: three hits, two "
+                "frames of memory at 10 Hz); latency: Lin et al. 2018 (100 ms); localisation: Reid et al. 2019, local "
+                "streets (95 % within 0.10 m and 0.17°); share in view, misses and time constants are chosen"
+            ),
+        ),
+        "camera": Preset(
+            world=_CAMERA,
+            intent="cameras around the vehicle with a tracker",
+            source=(
+                "mean errors on nuScenes by BEVFormer v2 (translation 0.6185 m, velocity 0.3157 m/s) and of cars by "
+                "BEVDet (orientation 0.109 rad); range: nuScenes evaluates cars up to 50 m; share in view: the lowest "
+                "of nuScenes' four levels of visibility ends at 40 %; the rest as for lidar"
+            ),
+        ),
+        "fog": Preset(
+            world=_LIDAR.model_copy(update={"range_m": 50.0}),
+            intent="a lidar in fog with a visibility of 50 m",
+            source="rear fog lights may be used below 50 m of visibility (§ 17 StVO); the rest as for lidar",
+        ),
+        "degraded": Preset(
+            world=_CAMERA.model_copy(
+                update={
+                    "position_m": 2 * _CAMERA.position_m,
+                    "speed_mps": 2 * _CAMERA.speed_mps,
+                    "heading_deg": 2 * _CAMERA.heading_deg,
+                    "missed": 0.2,
+                    "ghosts": 0.3,
+                    "confused": 0.1,
+                    "latency_s": 0.3,
+                    "dropped": 0.2,
+                    "localisation_m": 0.1,
+                    "localisation_deg": 0.26,
+                }
+            ),
+            intent="dirty or failing cameras",
+            source=(
+                "twice the camera's errors; localisation: Reid et al. 2019, freeways (95 % within 0.20 m laterally and "
+                "0.51°); all else is chosen"
+            ),
+        ),
+    }
+)
+"""Named worlds; ``docs/worlds.md`` lists their values."""
+
+
+def world_of(texts: Sequence[str] | str | World) -> World:
+    """Return the world that an argument states: presets by name and assignments, of which later ones count.
+
+    ``"camera, missed=0.2"`` is the camera's world with more misses. Several texts count as one.
+
+    Raises:
+        UnknownName: no preset or field has this name.
+        InvalidRequest: a value is outside its range.
+    """
+    if isinstance(texts, World):
+        return texts
+    values: dict[str, Any] = {}
+    for text in _items(texts):
+        preset = PRESETS.get(text.lower())
+        if preset is not None:
+            seed = {"seed": values["seed"]} if "seed" in values else {}
+            values = preset.world.model_dump(exclude_defaults=True) | seed
+        else:
+            values |= dict([_assigned(text)])
+    world = World(**values)
+    return PERFECT if world.is_perfect else world
+
+
+def _items(texts: Sequence[str] | str) -> Iterable[str]:
+    given = [texts] if isinstance(texts, str) else texts
+    return (item.strip() for text in given for item in text.split(",") if item.strip())
+
+
+def _assigned(text: str) -> tuple[str, float]:
+    """Return a field and its value from text such as ``missed=0.1``."""
+    if "=" not in text:
+        names = [*PRESETS, *(f"{name}=…" for name in World.model_fields)]
+        raise UnknownName(
+            f"there is no world '{text}'",
+            valid=closest(text, PRESETS) or list(PRESETS),
+            remedies=[instead(text, name) for name in closest(text, names) if name in PRESETS],
+        )
+    change = parse_assignment(text)
+    if change.name not in World.model_fields:
+        near = closest(change.name, World.model_fields) or list(World.model_fields)
+        wanted = "" if change.operand is None else f"={change.operand:g}"
+        raise UnknownName(
+            f"a world has no '{change.name}'",
+            valid=near,
+            remedies=[instead(text, f"{name}{wanted}") for name in near[:1]],
+        )
+    low, high = bounds_of(change.name)
+    value = change.operand
+    outside = value is None or not low <= value <= high
+    if change.operator != "=" or outside or (change.name == "seed" and value != int(value or 0)):
+        raise InvalidRequest(
+            f"'{text}' is not a valid value of a world",
+            valid=[f"{change.name}={low:g} to {high:g}"],
+            next_step="choose a value in this range",
+            complete=True,
+        )
+    return change.name, int(value or 0) if change.name == "seed" else float(value or 0.0)
+
+
+def bounds_of(name: str) -> tuple[float, float]:
+    """Return the smallest and the largest value of a world's field."""
+    low, high = 0.0, math.inf
+    for rule in World.model_fields[name].metadata:
+        low = getattr(rule, "ge", low)
+        high = getattr(rule, "le", high)
+    return float(low), float(high)
+
+
+def _differing(first: Mapping[str, float], second: Mapping[str, float]) -> list[str]:
+    """Return the fields in which two stated worlds differ, in the order of the model."""
+    defaults = {name: field.default for name, field in World.model_fields.items()}
+    return [name for name in defaults if first.get(name, defaults[name]) != second.get(name, defaults[name])]
+
+
+SightCode = Literal["seen", "kept", "out_of_range", "out_of_view", "occluded", "missed", "unconfirmed"]
+"""What the planner got of a road user, and if it got nothing, why.
+
+- ``seen``: its state as the sensors estimated it
+- ``kept``: a state extrapolated from its last detection
+- ``out_of_range``, ``out_of_view``: it was beyond the sensors' range or field of view
+- ``occluded``: other bodies hid it
+- ``missed``: it was in view, but was not detected
+- ``unconfirmed``: it was detected too recently to be reported
+"""
+REPORTED: tuple[SightCode, ...] = ("seen", "kept")
+"""The codes under which the planner gets a road user."""
+
+
+class Sighting(Model):
+    """What the planner got of a road user from a planning step on, until its next entry.
+
+    Only the steps at which it changed are kept. ``by`` is the road user that hides the largest part of it.
+    """
+
+    obstacle_id: int
+    step: int
+    code: SightCode
+    by: int | None = Field(None, exclude_if=lambda key: key is None)
+
+
+class Ghost(Model):
+    """A road user that the sensors reported although it does not exist, at one planning step."""
+
+    step: int
+    x_m: float
+    y_m: float
+    heading_rad: float
+    length_m: float
+    width_m: float
+
+
+class Perceived(Model):
+    """What the planner got in a run in an imperfect world.
+
+    ``sightings`` are sorted by road user and step. A road user without an entry was never within 80 m of the ego. The
+    ego's pose as the planner got it is given at every planning step if it differed from the truth.
+    """
+
+    sightings: tuple[Sighting, ...] = ()
+    ghosts: tuple[Ghost, ...] = ()
+    ego_x_m: tuple[float, ...] = ()
+    ego_y_m: tuple[float, ...] = ()
+    ego_heading_rad: tuple[float, ...] = ()
+
+
+def sightings_of(perceived: Perceived, obstacle_id: int) -> tuple[Sighting, ...]:
+    """Return what the planner got of one road user, in order of time."""
+    return tuple(one for one in perceived.sightings if one.obstacle_id == obstacle_id)

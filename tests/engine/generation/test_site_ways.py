@@ -1,0 +1,153 @@
+"""A manoeuvre at a ring or a junction is named by the directions of the arms, whatever the size of the site."""
+
+import math
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.execution import silent
+from plannerforge.engine.generation.generator import generate_scenario
+from plannerforge.engine.generation.site_network import prepare_site
+from plannerforge.engine.generation.sites import fitting_sites, middle_of
+from plannerforge.engine.maps.drawn_library import Sketch
+from plannerforge.engine.maps.osm import read_osm
+from plannerforge.engine.network.lanelet_graph import LaneletGraph
+from plannerforge.engine.network.net_parser import read_net
+from plannerforge.engine.scene.routing import center_line, ego_route
+from plannerforge.engine.traffic import OpenEdges
+from plannerforge.schemas.errors import NotPossible, with_values
+from plannerforge.schemas.generation import GenerationRequest
+
+pytestmark = pytest.mark.usefixtures("unknown_sites")
+
+
+def request_in(folder: Path, sketch: Sketch, **changes: Any) -> GenerationRequest:
+    sketch.write(folder / "map.osm")
+    wish = {"map_path": str(folder / "map.osm"), "map_id": "map_town", "place": "Town", "country": "ZAM"}
+    return GenerationRequest.model_validate({**wish, "attribution": "", "folder": str(folder), **changes})
+
+
+def circle(radius_m: float, angles_deg: list[float]) -> list[tuple[float, float]]:
+    return [(radius_m * math.cos(math.radians(one)), radius_m * math.sin(math.radians(one))) for one in angles_deg]
+
+
+def ring_with_islands(radius_m: float, island_m: float) -> Sketch:
+    """Four arms at right angles; before the ring, each splits around an island into an entry and an exit."""
+    sketch = Sketch("Town", 50.0, 8.0)
+    ring = circle(radius_m, [quarter + aside for quarter in (0.0, 90.0, 180.0, 270.0) for aside in (25.0, 45.0, 65.0)])
+    sketch.road([*ring, ring[0]], "secondary", "Ring", junction="roundabout")
+    for number, arm in enumerate((0.0, 90.0, 180.0, 270.0)):
+        leaves, enters = circle(radius_m, [(arm - 25) % 360, arm + 25])
+        splits, ends = circle(radius_m + island_m, [arm])[0], circle(radius_m + island_m + 150.0, [arm])[0]
+        sketch.road([leaves, splits], "secondary", f"Street {number}", oneway="yes")
+        sketch.road([splits, enters], "secondary", f"Street {number}", oneway="yes")
+        sketch.road([splits, ends], "secondary", f"Street {number}")
+    return sketch
+
+
+@pytest.mark.parametrize(("radius_m", "island_m"), [(7.0, 14.0), (16.0, 20.0), (40.0, 25.0)])
+def test_ways_round_a_ring_of_any_size_have_the_turn_of_their_arms(
+    tmp_path: Path, radius_m: float, island_m: float
+) -> None:
+    request = request_in(tmp_path, ring_with_islands(radius_m, island_m), scenario_type="roundabout")
+    osm = read_osm(tmp_path / "map.osm")
+    (site,) = fitting_sites(osm, request)
+    built = prepare_site(request, osm, site, tmp_path, silent)
+    ways = built.focus.ways
+    assert ways is not None
+    turns = Counter(turn for turn, _ in ways.through(OpenEdges.of(built.net, "passenger")))
+    assert turns == {"left": 4, "right": 4, "straight": 4, "u_turn": 4}
+
+
+def two_crossings(between_m: float) -> Sketch:
+    """A main street with two side streets that cross it close together."""
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-250, 0), (0, 0), (between_m, 0), (250, 0)], "tertiary", "Main Street")
+    sketch.road([(0, -200), (0, 0), (0, 200)], "residential", "First Street")
+    sketch.road([(between_m, -200), (between_m, 0), (between_m, 200)], "residential", "Second Street")
+    return sketch
+
+
+def test_ways_through_a_named_crossing_turn_there_and_not_at_its_neighbour(tmp_path: Path) -> None:
+    streets = [["Main Street"], ["Second Street"]]
+    request = request_in(tmp_path, two_crossings(25.0), scenario_type="intersection", streets=streets)
+    osm = read_osm(tmp_path / "map.osm")
+    built = prepare_site(request, osm, fitting_sites(osm, request)[0], tmp_path, silent)
+    assert built.focus.ways is not None
+    ways = list(built.focus.ways.through(OpenEdges.of(built.net, "passenger")))
+    assert Counter(turn for turn, _ in ways) == {"left": 4, "right": 4, "straight": 4}
+    assert all({built.net.edges[edge].name for edge in way} <= {"Main Street", "Second Street"} for _, way in ways)
+
+
+def test_an_ego_turns_at_the_named_crossing_and_has_its_goal_before_the_next_turn(tmp_path: Path) -> None:
+    streets = [["Main Street"], ["Second Street"]]
+    wish = {"scenario_type": "intersection", "goal": "through:left", "duration_s": 8.0, "density": "low"}
+    request = request_in(tmp_path, two_crossings(25.0), streets=streets, **wish)
+    generate_scenario(request, silent)
+    loaded = read_scenario(tmp_path / "scenario.xml")
+    network = loaded.scenario.lanelet_network
+    route = ego_route(network, LaneletGraph.of(network), loaded.problem())
+    assert route is not None
+    assert route.turns == ("left",)
+    (site,) = fitting_sites(read_osm(tmp_path / "map.osm"), request)
+    line = np.concatenate([center_line(network, key) for key in route.lanelets])
+    assert np.linalg.norm(line - middle_of(site, read_net(tmp_path / "scenario.net.xml")), axis=1).min() < 6.0
+
+
+def test_a_ring_of_junction_circular_is_built(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    ring = circle(15.0, [float(one) for one in range(0, 360, 30)])
+    sketch.road([*ring, ring[0]], "residential", "Square", junction="circular", oneway="yes")
+    for number, arm in enumerate((0.0, 90.0, 180.0, 270.0)):
+        sketch.road([*circle(15.0, [arm]), *circle(200.0, [arm])], "residential", f"Street {number}")
+    request = request_in(tmp_path, sketch, scenario_type="roundabout")
+    osm = read_osm(tmp_path / "map.osm")
+    (site,) = fitting_sites(osm, request)
+    assert prepare_site(request, osm, site, tmp_path, silent).focus.ways is not None
+
+
+def test_a_ring_with_two_junctions_is_built_as_a_closed_one(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    ring = circle(12.0, [float(one) for one in range(0, 360, 30)])
+    sketch.road([*ring, ring[0]], "residential", "Square", junction="roundabout")
+    sketch.road([ring[0], (200.0, 10.0)], "residential", "East Street")
+    sketch.road([ring[2], (60.0, 200.0)], "residential", "North Street")
+    request = request_in(tmp_path, sketch, scenario_type="roundabout")
+    osm = read_osm(tmp_path / "map.osm")
+    (site,) = fitting_sites(osm, request)
+    built = prepare_site(request, osm, site, tmp_path, silent)
+    assert built.focus.ways is not None
+    inside = built.focus.ways.inside
+    assert {turn.to_edge for turn in built.net.connections if {turn.from_edge, turn.to_edge} <= inside} == inside
+
+
+def test_a_ring_open_in_both_directions_is_refused_as_that(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    ring = circle(15.0, [float(one) for one in range(0, 360, 30)])
+    sketch.road([*ring, ring[0]], "residential", "Square", junction="roundabout", oneway="no")
+    for number, arm in enumerate((0.0, 90.0, 180.0)):
+        sketch.road([*circle(15.0, [arm]), *circle(300.0, [arm])], "residential", f"Street {number}")
+    request = request_in(tmp_path, sketch, scenario_type="roundabout", streets=[["Square"]])
+    with pytest.raises(NotPossible, match="way/1 is tagged as a roundabout, but is open in both directions") as caught:
+        fitting_sites(read_osm(tmp_path / "map.osm"), request)
+    changes = caught.value.remedies[0].changes[0].values
+    assert changes is not None
+    assert fitting_sites(read_osm(tmp_path / "map.osm"), request.model_copy(update=changes))
+
+
+def test_streets_that_do_not_meet_come_with_the_nearest_crossing(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-300, 0), (0, 0), (300, 0), (600, 0)], "residential", "North Road")
+    for x in (-300, 0, 300):
+        sketch.road([(x, 0), (x, 200 - 0.5 * x)], "residential", f"Lane {x}")
+    sketch.road([(600, 60), (600, 400)], "residential", "Far Road")
+    sketch.road([(600, 60), (900, 60)], "residential", "Farther Road")
+    streets = [["North Road"], ["Far Road"]]
+    request = request_in(tmp_path, sketch, scenario_type="intersection", streets=streets)
+    with pytest.raises(NotPossible, match="do not meet") as caught:
+        fitting_sites(read_osm(tmp_path / "map.osm"), request)
+    assert caught.value.remedies[0] == with_values(place="North Road / Lane 300, Town")

@@ -1,0 +1,53 @@
+"""Worlds as arguments: presets, values, and two spellings of one world."""
+
+import pytest
+
+from plannerforge.schemas.errors import InvalidRequest, UnknownName
+from plannerforge.schemas.worlds import PERFECT, PRESETS, World, world_of
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_preset_is_named_as_it_is_called(name: str) -> None:
+    assert world_of(name) == PRESETS[name].world
+    assert PRESETS[name].world.in_words() == name
+
+
+def test_later_items_count_and_a_world_can_be_read_back_from_its_words() -> None:
+    world = world_of("missed=0.5, camera, missed=0.2, seed=3")
+    assert world == PRESETS["camera"].world.model_copy(update={"missed": 0.2, "seed": 3})
+    assert world_of(world.in_words()) == world
+    assert world_of(["camera", "missed=0.2", "seed=3"]) == world
+
+
+@pytest.mark.parametrize("text", ["", "perfect", "missed=0", "seed=4", "correlation_s=1, kept_s=1"])
+def test_a_world_without_an_imperfection_is_perfect(text: str) -> None:
+    assert world_of(text) is PERFECT
+    assert world_of(text).stated == {}
+
+
+def test_two_spellings_of_one_world_are_stated_alike() -> None:
+    assert world_of("occlusion").stated == world_of("visible=0.2").stated == {"visible": 0.2}
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "valid"),
+    [
+        ("fogg", UnknownName, "fog"),
+        ("latency=0.2", UnknownName, "latency_s"),
+        ("missed=2", InvalidRequest, "missed=0 to 1"),
+        ("missed*2", UnknownName, "lidar"),
+        ("range_m=0", InvalidRequest, "range_m=1 to 80"),
+        ("seed=0.5", InvalidRequest, "seed=0 to 2.14748e+09"),
+        ("missed=range_m", InvalidRequest, "missed=0 to 1"),
+    ],
+)
+def test_an_unknown_world_is_refused_with_what_is_valid(text: str, error: type[InvalidRequest], valid: str) -> None:
+    with pytest.raises(error) as refused:
+        world_of(text)
+    assert valid in refused.value.valid
+
+
+def test_every_imperfection_alone_makes_a_world_imperfect() -> None:
+    qualifiers = {"correlation_s", "missed_s", "ghosts_s", "localisation_s", "kept_s", "seed"}
+    for name in World.model_fields.keys() - qualifiers:
+        assert not World(**{name: 1.0}).is_perfect, name
