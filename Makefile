@@ -14,7 +14,7 @@ SEED ?= 1
 
 .PHONY: help notebook demo test coverage check lint types layers english bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-manoeuvres bench-edits bench-import-crashes bench-drivable bench-same-bytes \
-	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-osm-tags bench-places bench-analysis bench-tuning bench-serve bench-loop bench-database bench-peers \
+	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-osm-tags bench-places bench-analysis bench-tuning bench-failures bench-serve bench-loop bench-database bench-peers \
 	dist requirements bundle starter house chat-page tutorial-page reference docs train-rbfn format clean
 
 help:
@@ -89,7 +89,7 @@ english: $(DEV_STAMP)
 	@$(PYTHON) scripts/check_english.py
 
 bench: bench-server bench-planners bench-faults bench-reactive bench-responsibility bench-weights bench-modification bench-generation \
-	bench-selection bench-drivable bench-import-crashes bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning bench-serve bench-loop
+	bench-selection bench-drivable bench-import-crashes bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning bench-failures bench-serve bench-loop
 
 bench-server: $(DEV_STAMP)
 	@$(PYTHON) -m benchmarks.serve.workers
@@ -176,6 +176,9 @@ bench-analysis: $(DEV_STAMP)
 
 bench-tuning: $(DEV_STAMP)
 	@$(PYTHON) -m benchmarks.tuning $(addprefix --reference ,$(REFERENCE)) $(addprefix --reference-python ,$(REFERENCE_PYTHON))
+
+bench-failures: $(DEV_STAMP)
+	@$(PYTHON) -m benchmarks.failures
 
 bench-serve: $(DEV_STAMP)
 	@$(PYTHON) -m benchmarks.serve

@@ -30,6 +30,7 @@ from ..schemas.base import Arguments
 from ..schemas.boundaries import ExploreBoundaryArguments, ExploreBoundaryResult
 from ..schemas.catalog import DescribeCatalogArguments, DescribeCatalogResult, FindScenariosArguments
 from ..schemas.errors import InvalidRequest, NotPossible
+from ..schemas.failures import FindFailuresArguments, FindFailuresResult
 from ..schemas.generation import GenerateScenariosArguments
 from ..schemas.jobs import CancelJobArguments, GetJobArguments, JobResult
 from ..schemas.modification import ModifyScenarioArguments
@@ -51,7 +52,7 @@ from ..server.arguments.checking import read_arguments
 from ..server.settings import Settings
 from ..server.suites import read_suite
 from ..workflows import artifacts as artifact_work
-from ..workflows import boundaries, catalog, exporting, importing, modification, rendering
+from ..workflows import boundaries, catalog, exporting, failures, importing, modification, rendering
 from ..workflows import planners as planning
 from ..workflows import scenarios as scenario_work
 from ..workflows.analysis import comparison, figures, optimization
@@ -256,6 +257,14 @@ class Workspace:
         }
         request = read_arguments(OptimizePlannerArguments, given)
         return self._wait_for(optimization.optimize_planner, request)
+
+    def find_failures(
+        self, scenario: "str | Scenario", planner: AnyPlanner = "current", **arguments: Any
+    ) -> FindFailuresResult:
+        """Search for changes of a scenario in which a planner fails, and wait (``find_failures``)."""
+        given = {"scenario_id": str(scenario), "config": self._register(planner), **arguments}
+        request = read_arguments(FindFailuresArguments, given)
+        return self._wait_for(failures.find_failures, request)
 
     def explore_boundary(
         self,

@@ -4,6 +4,7 @@ A logical scenario is a base with edit templates and parameters with ranges and 
 an ordinary list of edits, so a point is repeated with ``modify_scenario`` and ``run_planner``.
 """
 
+from bisect import bisect_right
 from pathlib import Path
 from typing import Any, Literal
 
@@ -48,21 +49,43 @@ class Parameter(Model):
         return self.low + (self.high - self.low) * share
 
 
+class Curve(Model):
+    """A derived value that is looked up by another value.
+
+    ``of``: the name of the other value. ``at``: its places, ascending. ``values``: the values there. Numbers are
+    interpolated linearly, or with ``steps`` are those of the last place passed; texts need ``steps``.
+    """
+
+    of: str
+    at: tuple[float, ...] = Field(min_length=1)
+    values: tuple[float, ...] | tuple[str, ...]
+    steps: bool = False
+
+    def value(self, place: float) -> float | str:
+        """Return the value at a place; before the first and after the last place, the value there."""
+        index = max(bisect_right(self.at, place) - 1, 0)
+        here = self.values[index]
+        if self.steps or isinstance(here, str) or index + 1 >= len(self.at) or place <= self.at[0]:
+            return here
+        share = (place - self.at[index]) / (self.at[index + 1] - self.at[index])
+        return here + (float(self.values[index + 1]) - here) * share
+
+
 class LogicalScenario(Model):
     """A base, parameters, and edits that contain them.
 
     ``base``: the id of a stored scenario, or the name of a road. An edit template is an edit whose values may refer to
     parameters: ``"$gap_s"`` is a parameter's value, ``"${speed_mps}m/s"`` a text that contains it. ``derived``: further
-    values by name, as formulas of parameters with ``+ - * /``, parentheses and earlier derived values. ``horizon_s``:
-    how long the encounter lasts at most. ``traffic``: reactive if edits have triggers, which then respond to the
-    planner's ego. ``source``: where the parameters come from.
+    values by name, as formulas of parameters with ``+ - * /``, parentheses and earlier derived values, or as curves.
+    ``horizon_s``: how long the encounter lasts at most. ``traffic``: reactive if edits have triggers, which then
+    respond to the planner's ego. ``source``: where the parameters come from.
     """
 
     name: str
     summary: str
     base: str
     parameters: tuple[Parameter, ...] = Field(min_length=1)
-    derived: dict[str, str] = Field(default_factory=dict)
+    derived: dict[str, str | Curve] = Field(default_factory=dict)
     edits: tuple[dict[str, Any], ...] = Field(min_length=1)
     horizon_s: float = Field(8.0, gt=0.0, le=60.0)
     traffic: Traffic = "recorded"

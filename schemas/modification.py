@@ -63,7 +63,7 @@ EDITS: Final[dict[EditOperation, EditKind]] = {
         "P",
         (
             *("vehicle_class", "count", "spacing_m", "at", "lane", "offset_m", "position", "speed", "time_s", "to"),
-            *("preset", "params", "gap_s", "side", "when", "dodge"),
+            *("preset", "params", "gap_s", "side", "when", "dodge", "duration_s"),
         ),
     ),
     "remove_vehicle": EditKind("P", ("vehicles",)),
@@ -135,7 +135,7 @@ class Edit(Arguments):
     when: str | None = Field(None, description="trigger: 'ego@LANELET:35m', 'gap<=2s'; prescribed")
     dodge: bool | None = Field(None, description="brakes for the ego")
     duration_s: float | None = Field(None, ge=0.1)
-    """The duration of a swerve, a lane closure or a cut-out scenario."""
+    """The duration of a swerve, a lane closure or a cut-out scenario; how long an added pedestrian stands first."""
     side: Literal["left", "right"] | None = Field(None, description="swerve to, pedestrian from, parked at this kerb")
     former_ego: Literal["vanish", "traffic"] | None = None
     """What happens to the old ego if a recorded car takes its place."""

@@ -31,6 +31,16 @@ from ..schemas.artifacts import (
 from ..schemas.boundaries import DescribeLogicalRequest, DrawRoadRequest, PointsRequest, PointsResponse, RoadDrawn
 from ..schemas.catalog import BuildIndexRequest, BuildIndexResponse, RankRequest, RankResponse
 from ..schemas.exploration import LogicalScenario
+from ..schemas.failures import (
+    EvaluatedPoints,
+    ProposalsRequest,
+    ProposedPoints,
+    SearchSpace,
+    ShrinkRequest,
+    Shrunk,
+    SpacePointsRequest,
+    SpaceRequest,
+)
 from ..schemas.generation import (
     ConvertedMap,
     ConvertMapRequest,
@@ -117,6 +127,14 @@ SENSITIVITY_DESIGN = Operation(
 SENSITIVITY_EFFECTS = Operation(
     "plannerforge.engine.tuning:sensitivity_effects", EffectsRequest, Effects, timeout_s=120.0
 )
+
+# Searches for failures
+OPEN_SPACE = Operation("plannerforge.engine.exploration:open_space", SpaceRequest, SearchSpace, timeout_s=300.0)
+PROPOSE_POINTS = Operation("plannerforge.engine.exploration:propose_points", ProposalsRequest, ProposedPoints)
+EVALUATE_IN_SPACE = Operation(
+    "plannerforge.engine.exploration:evaluate_in_space", SpacePointsRequest, EvaluatedPoints, timeout_s=600.0
+)
+SHRINK_FAILURE = Operation("plannerforge.engine.exploration:shrink_failure", ShrinkRequest, Shrunk, timeout_s=600.0)
 
 # Explorations
 READ_LOGICAL_SCENARIO = Operation(

@@ -6,6 +6,7 @@
 ``EditableScenario``: a base scenario that is edited in memory again and again, with the values of its files.
 ``EditedScenario``: a scenario after edits, in memory.
 ``NeedsFile``: raised for edits that can only be applied with files.
+``road_across``: returns where one who crosses a road at a point of a lanelet starts and ends.
 ``select``: returns the ids of the vehicles that selectors match, ascending.
 ``scene_of``: returns the scene of a file with its lanes and SUMO network, cached for the next request.
 """
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from .apply import SCENARIO_FILE, apply_edits
     from .changes import Changes
     from .in_memory import EditableScenario, EditedScenario, NeedsFile
+    from .population import road_across
     from .references import select
     from .scene_cache import scene_of
 

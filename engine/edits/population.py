@@ -44,9 +44,25 @@ _WALKING_MPS, _RUNNING_MPS = 1.4, 4.0
 """The usual speed of pedestrians, and the highest (chosen)."""
 _SIZE_M = (0.5, 0.6)
 """Length and width of a person (chosen)."""
+
+
+@dataclass(frozen=True)
+class _Crosser:
+    """A road user that crosses a road: its name, CommonRoad's type, length and width, and limits of its motion."""
+
+    name: str
+    kind: str
+    size_m: tuple[float, float]
+    largest_mps: float
+    acceleration_mps2: float = math.inf
+
+
+_PEDESTRIAN = _Crosser("pedestrian", "pedestrian", _SIZE_M, _RUNNING_MPS)
+_CYCLIST = _Crosser("bicycle", "bicycle", (1.6, 0.65), 5.6, 1.0)
+"""Size and limits of the class ``bicycle`` (``engine/vehicles/classes.py``)."""
 _PARKING_GAP_M = 1.5
 """Gap between the bumpers of vehicles that are parked one behind the other (chosen)."""
-_PARKING_GAP_M = 0.1
+_FROM_LANE_M = 0.1
 """Gap between a parked vehicle and the lane (chosen), so that drivers who keep to lanes pass it."""
 _KERB_M = 0.6
 """A crossing pedestrian starts and ends this far outside the road (chosen)."""
@@ -81,9 +97,19 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         NotPossible: the place is occupied (the error lists the nearest free places), the vehicle behind cannot brake
             enough, or there is no such lane.
     """
-    if edit.vehicle_class is not None and vehicle_class_of(edit.vehicle_class) == "pedestrian":
-        return _add_pedestrian(edit, scene, changes)
+    named = None if edit.vehicle_class is None else vehicle_class_of(edit.vehicle_class)
+    if named == "pedestrian":
+        return _add_crossing(edit, scene, changes, _PEDESTRIAN)
+    if named == "bicycle" and edit.side is not None and edit.speed is not None:
+        return _add_crossing(edit, scene, changes, _CYCLIST)
     vehicle_class = resolve_class(edit.vehicle_class, on_foot=True)
+    if edit.duration_s is not None:
+        raise InvalidRequest(
+            "duration_s applies to a pedestrian or crossing cyclist here: how long it stands at the kerb",
+            valid=["time_s", "vehicle_class=pedestrian"],
+            next_step="remove duration_s, or give time_s for a later entry",
+            remedies=[with_values(duration_s=None)],
+        )
     if edit.side is not None:
         return _add_parked(edit, scene, changes, vehicle_class)
     if edit.dodge is not None:
@@ -352,7 +378,7 @@ def _add_parked(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehic
     who = ", ".join(map(str, added))
     what = (
         f"{vehicle_class.name} {who} parked at the {side} kerb of lanelet {place.lanelet_id} at "
-        f"{place.station_m:.1f} m, {_PARKING_GAP_M:g} m from the lane"
+        f"{place.station_m:.1f} m, {_FROM_LANE_M:g} m from the lane"
     )
     return EditStep(changes, tuple(added), what, added=tuple(added))
 
@@ -366,7 +392,7 @@ def _at_kerb(scene: Scene, place: Place, side: str, vehicle_class: VehicleClass)
     point, heading = place.pose(scene)
     left = np.array([-np.sin(heading), np.cos(heading)])
     offsets = [offset for key in _side_by_side(scene, place.lanelet_id) for offset in _bounds(scene, key, point, left)]
-    half_m = vehicle_class.width_m / 2 + _PARKING_GAP_M
+    half_m = vehicle_class.width_m / 2 + _FROM_LANE_M
     aside_m = max(offsets) + half_m if side == "left" else min(offsets) - half_m
     center: Points = point + left * aside_m
     ahead = np.array([np.cos(heading), np.sin(heading)])
@@ -386,8 +412,10 @@ def _at_kerb(scene: Scene, place: Place, side: str, vehicle_class: VehicleClass)
     return center, heading
 
 
-def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Add a pedestrian who walks along a footpath or crossing from the place, or crosses the road there to its left.
+def _add_crossing(edit: Edit, scene: Scene, changes: Changes, who: _Crosser) -> EditStep:
+    """Add a pedestrian or cyclist who moves along a footpath or crossing from the place, or crosses the road there.
+
+    With ``duration_s``, it stands at its start for that time first, where drivers see it.
 
     Raises:
         InvalidRequest: an argument for vehicles is given, or the speed or the departure is impossible.
@@ -396,17 +424,25 @@ def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     foreign = [name for name in ("to", "preset", "params", "count", "spacing_m") if name in edit.given]
     if foreign:
         raise InvalidRequest(
-            f"{', '.join(foreign)} applies to vehicles; a pedestrian walks straight on",
+            f"{', '.join(foreign)} applies to vehicles; a crossing {who.name} moves straight on",
             valid=["at", "position", "lane", "offset_m", "speed", "time_s"],
             next_step="remove it",
         )
-    speed = _WALKING_MPS if edit.speed is None else parse_speed(edit.speed, _RUNNING_MPS)
-    check_speed(speed, _RUNNING_MPS, f"a pedestrian cannot walk at {edit.speed}", "choose a slower speed")
+    speed = _WALKING_MPS if edit.speed is None else parse_speed(edit.speed, who.largest_mps)
+    does = "walk" if who is _PEDESTRIAN else "drive"
+    check_speed(speed, who.largest_mps, f"a {who.name} cannot {does} at {edit.speed}", "choose a slower speed")
     line, where = _line(edit, scene, changes, stands=speed == 0.0)
     middle = line[[0, -1]].mean(axis=0)
     first = _requested_step(edit, scene)
     trigger = None
     if edit.when is not None:
+        if edit.duration_s is not None:
+            raise InvalidRequest(
+                "when and duration_s both say when it sets off",
+                valid=["when", "duration_s"],
+                next_step="give one of them",
+                remedies=[with_values(duration_s=None)],
+            )
         trigger, first = read_trigger(edit.when, scene, changes, lambda _: middle)
     if not 0 <= first < scene.last_step:
         raise InvalidRequest(
@@ -414,9 +450,10 @@ def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             valid=[f"0 … {(scene.last_step - 1) * scene.step_s:.1f} s"],
             next_step="choose another time_s",
         )
-    track = _walk(changes.next_id, line, speed, first, scene)
+    waits_s = edit.duration_s or 0.0
+    track = _crossed(changes.next_id, line, speed, first, scene, who, waits_s)
     places = OccupiedPlaces.at(scene, first, changes)
-    occupant = places.occupant_at(track.positions[0], float(track.headings_rad[0]), _SIZE_M)
+    occupant = places.occupant_at(track.positions[0], float(track.headings_rad[0]), who.size_m)
     if occupant is not None:
         raise NotPossible(
             f"the place is occupied by {occupant}", reason=PLACE_TAKEN, next_step="choose another position or departure"
@@ -425,7 +462,9 @@ def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     script = Script(track, parts, bool(edit.dodge))
     replay = Replay(track, None, script=script if script.depends_on_ego else None)
     changes = replace(changes.with_replay(replay), next_id=changes.next_id + 1)
-    what = f"pedestrian {track.obstacle_id} {where}, {speed:.1f} m/s, from {first * scene.step_s:.1f} s"
+    what = f"{who.name} {track.obstacle_id} {where}, {speed:.1f} m/s, from {first * scene.step_s:.1f} s"
+    if waits_s:
+        what += f", after standing there for {waits_s:g} s"
     if trigger is not None:
         what += f"; in reactive runs it enters once {edit.when} holds for the planner's ego"
     return EditStep(changes, (track.obstacle_id,), what, added=(track.obstacle_id,))
@@ -484,8 +523,17 @@ def _across(scene: Scene, place: Place) -> Points:
     """Return the line (2, 2) from the right edge of the road to its left edge, across all adjacent lanes."""
     point, heading = place.pose(scene)
     left = np.array([-np.sin(heading), np.cos(heading)])
-    offsets = [offset for key in _side_by_side(scene, place.lanelet_id) for offset in _bounds(scene, key, point, left)]
-    return np.array([point + left * (min(offsets) - _KERB_M), point + left * (max(offsets) + _KERB_M)])
+    return np.array([point + left * offset for offset in road_across(scene, place.lanelet_id, point, heading)])
+
+
+def road_across(scene: Scene, lanelet_id: int, point: Points, heading_rad: float) -> tuple[float, float]:
+    """Return where one who crosses the road at a point of a lanelet starts and ends: metres to the left of the point.
+
+    The first is on the right of the road, and usually negative.
+    """
+    left = np.array([-np.sin(heading_rad), np.cos(heading_rad)])
+    offsets = [offset for key in _side_by_side(scene, lanelet_id) for offset in _bounds(scene, key, point, left)]
+    return min(offsets) - _KERB_M, max(offsets) + _KERB_M
 
 
 def _side_by_side(scene: Scene, lanelet_id: int) -> list[int]:
@@ -506,19 +554,31 @@ def _bounds(scene: Scene, lanelet_id: int, point: Points, left: Points) -> list[
     return [float((point_at(line, project(line, point)[0])[0] - point) @ left) for line in lines]
 
 
-def _walk(key: int, line: Points, speed_mps: float, first: int, scene: Scene) -> Track:
-    """Return the walk until the line or the scenario ends; at speed 0, the pedestrian stands at its start."""
-    stations = np.arange(scene.last_step - first + 1) * scene.step_s * speed_mps
-    poses = [point_at(line, float(station)) for station in stations if station <= length_m(line)]
+def _crossed(
+    key: int, line: Points, speed_mps: float, first: int, scene: Scene, who: _Crosser, waits_s: float
+) -> Track:
+    """Return the motion along a line until it or the scenario ends; at speed 0, the road user stands at its start.
+
+    It stands for ``waits_s``, then accelerates as its kind does.
+    """
+    times = np.maximum(np.arange(scene.last_step - first + 1) * scene.step_s - waits_s, 0.0)
+    gains_s = speed_mps / who.acceleration_mps2 if waits_s else 0.0
+    gained = np.minimum(times, gains_s)
+    speeds = np.where(times <= gains_s, gained * who.acceleration_mps2 if gains_s else speed_mps, speed_mps)
+    if waits_s:
+        speeds = np.where(times > 0.0, speeds, 0.0)
+    stations = speed_mps * (times - gained) + (gained**2 * who.acceleration_mps2 / 2 if gains_s else 0.0)
+    on_line = stations <= length_m(line)
+    poses = [point_at(line, float(station)) for station in stations[on_line]]
     return Track(
         obstacle_id=key,
-        kind="pedestrian",
-        length_m=_SIZE_M[0],
-        width_m=_SIZE_M[1],
+        kind=who.kind,
+        length_m=who.size_m[0],
+        width_m=who.size_m[1],
         first_step=first,
         positions=np.array([point for point, _ in poses]),
         headings_rad=np.array([heading for _, heading in poses]),
-        speeds_mps=np.full(len(poses), speed_mps),
+        speeds_mps=speeds[on_line],
     )
 
 

@@ -1,4 +1,4 @@
-"""Explores how planners fare over logical scenarios: points, their evaluation in memory, and boundaries.
+"""Explores how planners fare over logical scenarios: points, their evaluation in memory, boundaries and failures.
 
 ``concrete_edits``: returns the edits of a logical scenario for values of its parameters.
 ``BoundarySearch``: searches for the edges between labels over two parameters.
@@ -6,6 +6,15 @@
 ``label_at``: returns the label at a place of a map.
 ``labels_on``: returns the labels of a map on a raster.
 ``Evaluator``: edits a base in memory and runs a planner until the encounter is resolved.
+``open_space``: the operation that runs the planner in the unchanged base, and derives what it offers to a search.
+``propose_points``: the operation that returns the next points of a search.
+``evaluate_in_space``: the operation that returns how the planner fares at points of a search's space.
+``shrink_failure``: the operation that reduces a failure to what it needs.
+``FailureSearch``: a search for failures in a stratified space.
+``Stratum``: a part of such a space.
+``Point``: a proposal of the search.
+``Score``: the score of a proposal.
+``Archive``: the failures of a search by cell.
 ``draw_road``: the operation that writes the file of a road.
 ``evaluate_points``: the operation that evaluates a batch of points.
 ``read_logical_scenario``: the operation that returns a logical scenario by name or from a file.
@@ -17,10 +26,13 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
+    from .archive import Archive
     from .boundary import BoundarySearch, area_of, label_at, labels_on
     from .concrete import concrete_edits
     from .evaluation import Evaluator
+    from .finding import evaluate_in_space, open_space, propose_points, shrink_failure
     from .points import draw_road, evaluate_points, read_logical_scenario
     from .roads import ROADS
+    from .search import FailureSearch, Point, Score, Stratum
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

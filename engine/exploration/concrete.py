@@ -4,16 +4,17 @@ import ast
 import operator
 import re
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
 from ...schemas.errors import InvalidRequest
-from ...schemas.exploration import LogicalScenario
+from ...schemas.exploration import Curve, LogicalScenario
 from ...schemas.modification import Edit
 
 DECIMALS = 4
 """Values are rounded to this many decimals, below what any actor's motion shows, so that they are short in edits."""
+Known = TypeVar("Known", bound=float | str)
 _REFERENCE = re.compile(r"\$(?:\{(\w+)\}|(\w+))")
 _OPERATORS: Mapping[type, Callable[[float, float], float]] = {
     ast.Add: operator.add,
@@ -35,11 +36,17 @@ def concrete_edits(logical: LogicalScenario, values: Mapping[str, float]) -> tup
             f"{logical.name} has no parameter {', '.join(unknown)}", valid=[one.name for one in logical.parameters]
         )
     known = {one.name: round(values.get(one.name, one.base_value), DECIMALS) for one in logical.parameters}
-    for name, formula in logical.derived.items():
-        known[name] = round(_value(formula, known, logical), DECIMALS)
+    texts: dict[str, str] = {}
+    for name, rule in logical.derived.items():
+        found = rule.value(_known(rule.of, known, logical)) if isinstance(rule, Curve) else _value(rule, known, logical)
+        if isinstance(found, str):
+            texts[name] = found
+        else:
+            known[name] = round(found, DECIMALS)
+    words: dict[str, float | str] = {**known, **texts}
     edits = []
     for number, template in enumerate(logical.edits):
-        filled = {name: _filled(value, known, logical) for name, value in template.items()}
+        filled = {name: _filled(value, words, logical) for name, value in template.items()}
         try:
             edits.append(Edit.model_validate(filled))
         except ValidationError as error:
@@ -52,7 +59,7 @@ def concrete_edits(logical: LogicalScenario, values: Mapping[str, float]) -> tup
     return tuple(edits)
 
 
-def _filled(value: Any, known: Mapping[str, float], logical: LogicalScenario) -> Any:
+def _filled(value: Any, known: Mapping[str, float | str], logical: LogicalScenario) -> Any:
     if isinstance(value, list | tuple):
         return [_filled(one, known, logical) for one in value]
     if not isinstance(value, str):
@@ -63,13 +70,15 @@ def _filled(value: Any, known: Mapping[str, float], logical: LogicalScenario) ->
     return _REFERENCE.sub(lambda found: _text(_known(found[1] or found[2], known, logical)), value)
 
 
-def _known(name: str, known: Mapping[str, float], logical: LogicalScenario) -> float:
+def _known(name: str, known: Mapping[str, Known], logical: LogicalScenario) -> Known:
     if name not in known:
         raise InvalidRequest(f"{logical.name} refers to ${name}, which is not a parameter", valid=list(known))
     return known[name]
 
 
-def _text(value: float) -> str:
+def _text(value: float | str) -> str:
+    if isinstance(value, str):
+        return value
     return f"{value:.{DECIMALS}f}".rstrip("0").rstrip(".") or "0"
 
 

@@ -7,7 +7,7 @@ once all other road users are gone, are behind the ego and not faster, or stand 
 
 import math
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +28,7 @@ from ..execution import silent
 from ..planners import (
     DrivenRun,
     EgoState,
+    Planner,
     ScenarioFile,
     check_modes,
     check_world,
@@ -73,16 +74,18 @@ class Evaluator:
 
     Args:
         setting: what all points share.
+        drives: returns the planner that drives in place of the configuration's own, which it receives; by default the
+            configuration's own drives.
 
     Raises:
         InvalidRequest: the prediction does not fit the traffic or the world, or the planner does not fit the world.
         UnknownName: no such planner.
     """
 
-    def __init__(self, setting: EncounterSetting) -> None:
+    def __init__(self, setting: EncounterSetting, drives: Callable[[Planner], Planner] | None = None) -> None:
         check_modes(setting.traffic, setting.prediction, setting.world)
         check_world(setting.configuration.planner, setting.world)
-        self._setting = setting
+        self._setting, self._drives = setting, drives
         self._reads_file = needs_file(setting.configuration.planner)
 
     def __enter__(self) -> "Evaluator":
@@ -114,15 +117,26 @@ class Evaluator:
             PlannerFailure: a user-supplied planner broke its contract.
             WorkerFailure: SUMO stopped.
         """
+        point = self._point(edits)
+        if isinstance(point, str):
+            return Evaluation(outcome="implausible", reason=point, end="not_run"), None
+        return self._run(point)
+
+    def edited(self, edits: Sequence[Edit]) -> LoadedScenario | None:
+        """Return the base after edits, or None if they are implausible; nothing is run."""
+        point = self._point(edits)
+        return None if isinstance(point, str) else point.loaded
+
+    def _point(self, edits: Sequence[Edit]) -> "_Point | str":
+        """Return the base after edits, or why they are implausible."""
         earlier = self._setting.earlier
         try:
             point = self._edited((*earlier, *(edit.numbered_after(len(earlier)) for edit in edits)))
         except InvalidRequest as refusal:
-            return Evaluation(outcome="implausible", reason=refusal.message, end="not_run"), None
+            return refusal.message
         if point.infeasible:
-            reason = f"no vehicle of its class can drive the motion of {', '.join(map(str, point.infeasible))}"
-            return Evaluation(outcome="implausible", reason=reason, end="not_run"), None
-        return self._run(point)
+            return f"no vehicle of its class can drive the motion of {', '.join(map(str, point.infeasible))}"
+        return point
 
     def _edited(self, edits: tuple[Edit, ...]) -> _Point:
         if not self._reads_file:
@@ -163,14 +177,14 @@ class Evaluator:
         file = None if point.path is None else ScenarioFile(point.path, loaded.benchmark_id)
         ending = _Ending(round(setting.horizon_s / loaded.step_s), loaded.step_s)
         with (
-            ended_after(make_planner(setting.configuration.planner, file)) as planner,
+            ended_after(make_planner(setting.configuration.planner, file)) as own,
             open_traffic(setting.traffic, loaded, problem, vehicle, setting.seed) as traffic,
         ):
             run = simulate(
                 loaded.scenario,
                 problem,
                 setting.configuration,
-                planner,
+                own if self._drives is None else self._drives(own),
                 setting.prediction,
                 silent,
                 traffic,

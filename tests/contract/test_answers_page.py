@@ -39,6 +39,7 @@ CALLS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("render", {"ids": ["latest_run"]}),
     ("export_artifacts", {"ids": ["latest_run"], "folder": "out"}),
     ("list_artifacts", {"kind": "config"}),
+    ("find_failures", {"config": "idm", "runs": 8}),
     ("optimize_planner", {"scenarios": ["preset:3"], "base": "idm", "vary": ["time_headway_s"], "max_trials": 5}),
     (
         "explore_boundary",

@@ -30,6 +30,7 @@ MAKING: tuple[tuple[str, dict[str, Any]], ...] = (
     ("configure_planner", {"planner": "idm", "weights": ["time_headway_s=1.37"]}),
     ("run_planner", {**QUICK, "configs": ["idm"]}),
     ("run_planner", {**QUICK, "configs": ["idm", "idm:Sporty"], "prediction": "ground_truth"}),
+    ("find_failures", {"scenario_id": "<scenario>", "config": "keep_lane", "runs": 16, "wait_s": 50}),
     (
         "optimize_planner",
         {

@@ -30,6 +30,7 @@ METHODS = {
     "cancel_job": "cancel_job",
     "analyze_results": "analyse",
     "compare_results": "compare",
+    "find_failures": "find_failures",
     "optimize_planner": "optimise",
     "explore_boundary": "explore_boundary",
     "render": "render",

@@ -241,6 +241,15 @@ CASES: dict[str, Case] = {
             Bad({"results": ["<batch>"], "detail": "all"}, ("'all'", "findings")),
         ),
     ),
+    "find_failures": Case(
+        {"scenario_id": "<scenario>", "config": "idm", "runs": 4},
+        (
+            Bad({"scenario_id": "<scenario>x"}, ("<scenario>",)),
+            Bad({"scenario_id": "<scenario>", "config": "idn"}, ("idn", "idm")),
+            Bad({"scenario_id": "<scenario>", "runs": 0}, ("runs", "from 1")),
+            Bad({"scenario_id": "<scenario>", "horizon_s": 600}, ("horizon_s", "30")),
+        ),
+    ),
     "optimize_planner": Case(
         {"scenarios": ["preset:4"], "base": "idm", "vary": ["time_headway_s"], "max_trials": 2},
         (

@@ -75,3 +75,35 @@ def test_a_pedestrian_is_never_driven(apply: Apply) -> None:
 def test_an_added_pedestrian_can_be_removed_again(apply: Apply) -> None:
     applied = apply(WALKER | {"at": "1"}, {"op": "remove_vehicle", "vehicles": ["new:0"]}, builder=QUIET)
     assert not applied.changed_elements()
+
+
+def test_a_pedestrian_stands_at_the_kerb_for_a_duration_before_it_crosses(apply: Apply) -> None:
+    waits = apply(WALKER | {"at": "1", "position": "100m", "speed": "2m/s", "duration_s": 3.0}, builder=QUIET)
+    track = waits.tracks()[101]
+    assert track.first_step == 0
+    assert track.positions[30] == pytest.approx(track.positions[0])
+    assert track.speeds_mps[29] == 0.0
+    assert track.positions[40][1] - track.positions[0][1] == pytest.approx(2.0)
+
+
+def test_a_cyclist_with_a_side_and_a_speed_crosses_and_gains_speed_as_its_class_does(apply: Apply) -> None:
+    cyclist = {"op": "add_vehicle", "vehicle_class": "bicycle", "side": "left", "at": "1", "position": "100m"}
+    applied = apply(cyclist | {"speed": "3m/s", "duration_s": 1.0}, builder=QUIET)
+    track = applied.tracks()[101]
+    assert track.kind == "bicycle"
+    assert track.positions[0] == pytest.approx((100.0, 9.35), abs=0.01)
+    assert track.positions[-1][1] == pytest.approx(-2.35, abs=0.35)
+    assert track.speeds_mps[20] == pytest.approx(1.0)
+    assert track.speeds_mps[-1] == pytest.approx(3.0)
+    assert all(vehicle.feasible for vehicle in applied.outcome.touched)
+
+
+def test_a_bicycle_with_a_side_alone_is_parked_there(apply: Apply) -> None:
+    parked = {"op": "add_vehicle", "vehicle_class": "bicycle", "side": "right", "at": "1", "position": "100m"}
+    assert "parked at the right kerb" in apply(parked, builder=QUIET).outcome.edits[0].what
+
+
+@pytest.mark.parametrize("more", [{"when": "gap<=2s"}, {"vehicle_class": "car"}])
+def test_a_duration_belongs_to_one_that_crosses_and_to_no_trigger(apply: Apply, more: dict[str, object]) -> None:
+    with pytest.raises(InvalidRequest):
+        apply(WALKER | {"at": "1", "position": "100m", "duration_s": 3.0} | more, builder=QUIET)

@@ -1,0 +1,1 @@
+"""``make bench-failures``: how well failures of planners are found, reproduced and reduced."""

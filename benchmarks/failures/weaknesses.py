@@ -1,0 +1,134 @@
+"""Planted weaknesses of planners: a wrapper that changes what a healthy planner sees.
+
+A weakness returns the road users that the planner sees, from the observation and the steps since each came into view.
+"""
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from plannerforge.engine.planners import Observation, Plan, Planner, PlanningTask
+from plannerforge.engine.planners.interface import EgoState, PredictedObstacle
+
+Sight = Callable[[EgoState, PredictedObstacle], PredictedObstacle | None]
+"""What a planner sees of a road user: None if nothing."""
+_PEOPLE = ("pedestrian", "bicycle")
+
+
+def _place(ego: EgoState, other: PredictedObstacle) -> tuple[float, float, float]:
+    """Return how far a road user is ahead and to the left, and its heading relative to the ego's."""
+    away = other.positions[0] - ego.position
+    cosine, sine = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
+    turned = math.remainder(float(other.headings_rad[0]) - ego.heading_rad, math.tau)
+    return float(away[0] * cosine + away[1] * sine), float(away[1] * cosine - away[0] * sine), turned
+
+
+def _unless(hidden: Callable[[EgoState, PredictedObstacle], bool]) -> Sight:
+    return lambda ego, other: None if hidden(ego, other) else other
+
+
+def _late(ego: EgoState, other: PredictedObstacle) -> bool:
+    """Hidden above 12 m/s until the time to reach it is below 1.2 s."""
+    ahead, _, turned = _place(ego, other)
+    closing = ego.speed_mps - other.speed_mps * math.cos(turned)
+    return ego.speed_mps > 12.0 and (closing <= 0.0 or (ahead - 4.5) / closing > 1.2)
+
+
+def _as_standing(ego: EgoState, other: PredictedObstacle) -> PredictedObstacle:
+    del ego
+    count = len(other.positions)
+    stays = np.repeat(other.positions[:1], count, axis=0)
+    return replace(other, positions=stays, headings_rad=np.full(count, other.headings_rad[0]), speed_mps=0.0)
+
+
+def _as_faster(ego: EgoState, other: PredictedObstacle) -> PredictedObstacle:
+    """It seems to keep at least 9 m/s along its heading, so that nobody brakes or stands."""
+    del ego
+    count, heading = len(other.positions), float(other.headings_rad[0])
+    ahead = np.arange(count)[:, None] * 0.1 * max(other.speed_mps, 9.0)
+    there = other.positions[0] + ahead * np.array([math.cos(heading), math.sin(heading)])
+    return replace(other, positions=there, speed_mps=max(other.speed_mps, 9.0))
+
+
+def _is_crossing(ego: EgoState, other: PredictedObstacle) -> bool:
+    return math.radians(45) < abs(_place(ego, other)[2]) < math.radians(135)
+
+
+COMMON: Mapping[str, Sight] = {
+    "blind_to_cyclists": _unless(lambda _, other: other.kind == "bicycle"),
+    "blind_to_pedestrians": _unless(lambda _, other: other.kind == "pedestrian"),
+    "blind_to_slow": _unless(lambda _, other: other.speed_mps < 1.0),
+    "blind_on_the_left": _unless(lambda ego, other: _place(ego, other)[1] > 1.0),
+    "blind_on_the_right": _unless(lambda ego, other: _place(ego, other)[1] < -1.0),
+    "late_at_speed": _unless(_late),
+    "short_sight": _unless(lambda ego, other: float(np.linalg.norm(other.positions[0] - ego.position)) > 9.0),
+    "blind_to_crossing": _unless(_is_crossing),
+    "blind_to_cars_ahead": _unless(
+        lambda ego, other: other.kind not in _PEOPLE and abs(_place(ego, other)[2]) < math.radians(45)
+    ),
+    "others_seem_to_stand": _as_standing,
+    "others_seem_to_drive_on": _as_faster,
+}
+"""Weaknesses by name that hold at every step."""
+DELAYED: Mapping[str, float] = {"latency": 1.2, "slow_to_notice": 2.0}
+"""``latency``: what it sees is so many seconds old. ``slow_to_notice``: a road user is seen only so many seconds after
+it first moved within 40 m."""
+RARE: Mapping[str, Sight] = {
+    "fast_cyclists_from_the_left": _unless(
+        lambda ego, other: other.kind == "bicycle" and other.speed_mps > 2.6 and _place(ego, other)[1] > -0.5
+    ),
+    "runners": _unless(lambda _, other: other.kind == "pedestrian" and other.speed_mps > 2.3),
+    "slow_walkers_from_the_right": _unless(
+        lambda ego, other: other.kind == "pedestrian" and 0.0 < other.speed_mps < 0.95 and _place(ego, other)[2] > 0.0
+    ),
+    "hard_braking": _unless(
+        lambda ego, other: other.kind not in _PEOPLE and other.speed_mps < 2.0 and ego.speed_mps > 7.0
+    ),
+}
+"""Weaknesses that need a combination which chance rarely hits; how rarely, is measured with the benchmark."""
+NAMES = (*COMMON, *DELAYED)
+
+
+class Weak:
+    """A planner with a weakness; everything else is the healthy planner's."""
+
+    def __init__(self, healthy: Planner, weakness: str) -> None:
+        self._healthy, self._weakness = healthy, weakness
+        self._sight = (COMMON | RARE).get(weakness)
+        self._delay_s = DELAYED.get(weakness, 0.0)
+
+    def reset(self, task: PlanningTask) -> None:
+        """Begin a run."""
+        self._healthy.reset(task)
+        self._delay = round(self._delay_s / task.step_s)
+        self._seen: deque[tuple[int, tuple[PredictedObstacle, ...]]] = deque()
+        self._noticed: dict[int, int] = {}
+
+    def plan(self, observation: Observation) -> Plan:
+        """Return the healthy planner's plan for what it sees."""
+        obstacles: Sequence[PredictedObstacle] = observation.obstacles
+        if self._sight is not None:
+            seen = (self._sight(observation.ego, other) for other in obstacles)
+            obstacles = [other for other in seen if other is not None]
+        elif self._weakness == "latency":
+            obstacles = self._old(observation)
+        else:
+            obstacles = [other for other in obstacles if self._has_noticed(observation.ego, other)]
+        return self._healthy.plan(replace(observation, obstacles=tuple(obstacles)))
+
+    def _old(self, observation: Observation) -> Sequence[PredictedObstacle]:
+        now = observation.ego.step
+        self._seen.append((now, observation.obstacles))
+        while len(self._seen) > 1 and self._seen[1][0] <= now - self._delay:
+            self._seen.popleft()
+        step, seen = self._seen[0]
+        return seen if step <= now - self._delay else [_as_standing(observation.ego, one) for one in seen]
+
+    def _has_noticed(self, ego: EgoState, other: PredictedObstacle) -> bool:
+        near = float(np.linalg.norm(other.positions[0] - ego.position)) < 40.0
+        if near and other.speed_mps > 0.2:
+            self._noticed.setdefault(other.obstacle_id, ego.step)
+        return ego.step - self._noticed.get(other.obstacle_id, ego.step) >= self._delay

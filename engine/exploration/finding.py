@@ -1,0 +1,270 @@
+"""The operations of a search for failures: derive a space, propose points, evaluate them, reduce a failure.
+
+A search asks first for an attributable failure, one that a careful or fuzzy driver avoids, and otherwise for the least
+margin to the counterpart: the mean of the gap and the time to collision, each as a share of a value that counts as
+safe.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...schemas.errors import InvalidRequest
+from ...schemas.exploration import Evaluation, LogicalScenario
+from ...schemas.failures import (
+    EvaluatedPoint,
+    EvaluatedPoints,
+    PointScore,
+    ProposalsRequest,
+    ProposedPoints,
+    SearchSpace,
+    ShrinkRequest,
+    Shrunk,
+    SpacePoint,
+    SpacePointsRequest,
+    SpaceRequest,
+)
+from ...schemas.modification import Edit
+from ..commonroad import Track
+from ..criticality import encounters, gaps_m, times_to_collision_s
+from ..execution import ProgressReporter
+from ..planners import DrivenRun, driven_ego, lane_line
+from ..scene import Scene
+from ..vehicles import vehicle_of
+from .concrete import concrete_edits
+from .evaluation import Evaluator
+from .search import FailureSearch, Score, Stratum
+from .shrinking import Trials, minimal_subset, nearest_values, smallest
+from .spaces import NominalMotion, SpaceBuilder, is_feasible, values_at
+
+SAFE_GAP_M, SAFE_TTC_S = 15.0, 5.0
+"""A larger gap or time to collision is as good as none (chosen): critical times to collision are below 3 s."""
+UNAVOIDABLE = 0.25
+"""The score of a failure that no careful driver avoids (chosen): a milder point next to it may be avoidable."""
+_FASTEST_MPS = 30.0
+SLOW_MPS, FAST_MPS = 3.0, 10.0
+"""Bounds of the speed bands: walking pace, and an urban street's speed (chosen)."""
+_Candidate = tuple[tuple[int, ...], tuple[float, ...], float | None]
+"""A reduced failure: the recorded road users that stay besides those that it needs, values, and the end of its time."""
+_AFTER_S = 0.5
+"""A reduced failure ends this long after its failure."""
+
+
+def open_space(request: SpaceRequest, report: ProgressReporter) -> SearchSpace:
+    """Run the planner in the unchanged base, and derive what the base offers to a search.
+
+    If the planner fails in the base, there are no strata.
+    """
+    setting = request.setting
+    with Evaluator(setting) as evaluator:
+        report(0.0, "the planner drives in the unchanged base")
+        base, run = evaluator.driven(())
+        loaded = evaluator.edited(())
+        if base.outcome != "safe" or run is None or loaded is None:
+            return SearchSpace(base=base)
+        scene = Scene.of(loaded, setting.problem_id)
+        vehicle = vehicle_of(setting.configuration.settings, scene.ego.vehicle_class if scene.ego else "car")
+        lane = lane_line(loaded.scenario, loaded.problem(setting.problem_id), vehicle)
+        nominal = _nominal(run, scene.step_s).until(setting.horizon_s, lane)
+        strata = SpaceBuilder(scene, nominal, request.base_id, setting.horizon_s).strata()
+        feasible = []
+        for number, stratum in enumerate(strata):
+            if is_feasible(stratum, evaluator):
+                feasible.append(stratum)
+            report((number + 1) / len(strata), f"looked whether {stratum.summary} is possible")
+    recorded = tuple(sorted({*loaded.tracks, *scene.standing}))
+    return SearchSpace(base=base, strata=tuple(feasible), recorded=recorded)
+
+
+def _nominal(run: DrivenRun, step_s: float) -> NominalMotion:
+    states = run.states
+    return NominalMotion(
+        np.array([state.position for state in states]),
+        np.array([state.heading_rad for state in states]),
+        np.array([state.speed_mps for state in states]),
+        states[0].step,
+        step_s,
+    )
+
+
+def propose_points(request: ProposalsRequest, report: ProgressReporter) -> ProposedPoints:
+    """Return the points that follow the told scores, which are those of whole batches."""
+    report(0.0, "choosing the next points")
+    strata = [Stratum(name, dimensions) for name, dimensions in request.strata]
+    scores = [Score(score.value, score.cell) for score in request.scores]
+    points = FailureSearch(strata, request.seed).resumed(scores).ask()
+    return ProposedPoints(points=tuple(SpacePoint(stratum=one.stratum, shares=one.values) for one in points))
+
+
+def evaluate_in_space(request: SpacePointsRequest, report: ProgressReporter) -> EvaluatedPoints:
+    """Return how the planner fares at points."""
+    strata = {stratum.name: stratum for stratum in request.strata}
+    done = []
+    with Evaluator(request.setting) as evaluator:
+        for number, point in enumerate(request.points):
+            done.append(evaluated(evaluator, strata[point.stratum], point, request.recorded))
+            report((number + 1) / len(request.points), strata[point.stratum].summary)
+    return EvaluatedPoints(points=tuple(done))
+
+
+def evaluated(
+    evaluator: Evaluator, stratum: LogicalScenario, point: SpacePoint, recorded: Sequence[int]
+) -> EvaluatedPoint:
+    """Return how the planner fares at a point of a stratum, and the point's score."""
+    try:
+        edits = concrete_edits(stratum, values_at(stratum, point.shares))
+    except InvalidRequest as refusal:
+        refused = Evaluation(outcome="implausible", reason=refusal.message, end="not_run")
+        return EvaluatedPoint(point=point, evaluation=refused, score=PointScore(value=None))
+    evaluation, run = evaluator.driven(edits)
+    score = scored(stratum, evaluation, run, recorded)
+    return EvaluatedPoint(point=point, edits=edits, evaluation=evaluation, score=score)
+
+
+def scored(
+    stratum: LogicalScenario, evaluation: Evaluation, run: DrivenRun | None, recorded: Sequence[int]
+) -> PointScore:
+    """Return the score of a point."""
+    if run is None or not evaluation.counts_as_run:
+        return PointScore(value=None)
+    if evaluation.outcome == "failed_avoidably":
+        speed = evaluation.ego_speed_mps or 0.0
+        return PointScore(value=round(-1.0 - speed / _FASTEST_MPS, 4), cell=cell_of(stratum, evaluation, recorded))
+    if evaluation.outcome == "failed_unavoidably":
+        return PointScore(value=UNAVOIDABLE)
+    own = [track for track in run.traffic.moving if _is_own(stratum, track.obstacle_id, recorded)]
+    standing = [track for track in run.traffic.standing if _is_own(stratum, track.obstacle_id, recorded)]
+    return PointScore(value=round(_margin(run, own, standing), 4))
+
+
+def _margin(run: DrivenRun, moving: Sequence[Track], standing: Sequence[Track]) -> float:
+    """Return the least margin between the ego and some road users, from 0 (contact) to 1 (nothing comes near)."""
+    if run.task is None:
+        return 1.0
+    met = encounters(driven_ego(run.states, run.task.vehicle), moving, standing)
+    if not len(met.state):
+        return 1.0
+    gap = min(float(gaps_m(met).min()), SAFE_GAP_M) / SAFE_GAP_M
+    soonest = float(times_to_collision_s(met.ego, met.other).min())
+    return (gap + (min(soonest, SAFE_TTC_S) / SAFE_TTC_S if math.isfinite(soonest) else 1.0)) / 2.0
+
+
+def _is_own(stratum: LogicalScenario, obstacle_id: int, recorded: Sequence[int]) -> bool:
+    """Return True if a road user is the counterpart of a stratum: added, or one that its edits name."""
+    return obstacle_id not in recorded or obstacle_id in named_vehicles_of(stratum)
+
+
+def named_vehicles_of(stratum: LogicalScenario) -> frozenset[int]:
+    """Return the recorded road users that a stratum's edits name."""
+    words = [word for edit in stratum.edits for word in edit.get("vehicles", ())]
+    return frozenset(int(word) for word in words if str(word).isdigit())
+
+
+def cell_of(stratum: LogicalScenario, evaluation: Evaluation, recorded: Sequence[int]) -> str:
+    """Return the cell of a failure: counterpart and manoeuvre, contact, speed band and cause."""
+    key = evaluation.counterpart_id
+    if key is None:
+        who = "no one"
+    elif _is_own(stratum, key, recorded):
+        who = stratum.name
+    else:
+        who = f"{evaluation.counterpart_class} {key} as recorded"
+    contact = evaluation.contact or evaluation.run_outcome or "failure"
+    return " | ".join([who, contact, speed_band(evaluation.ego_speed_mps), evaluation.cause or "no cause"])
+
+
+def speed_band(speed_mps: float | None) -> str:
+    """Return the band of the ego's speed at a failure."""
+    if speed_mps is None:
+        return "any speed"
+    return "slow" if speed_mps < SLOW_MPS else "middle" if speed_mps < FAST_MPS else "fast"
+
+
+def shrink_failure(request: ShrinkRequest, report: ProgressReporter) -> Shrunk:
+    """Reduce a failure to what it needs: road users, parameters, then the time span, as long as the same one remains.
+
+    Raises:
+        InvalidRequest: there is no failure at the point.
+    """
+    with Evaluator(request.setting) as evaluator:
+        return shrunk(evaluator, request, report)
+
+
+def shrunk(evaluator: Evaluator, request: ShrinkRequest, report: ProgressReporter) -> Shrunk:
+    """Do the same with an evaluator that is open."""
+    stratum = request.stratum
+    values = tuple(round(one, 4) for one in values_at(stratum, request.point.shares).values())
+    first = evaluator.evaluate(_edits(stratum, values))
+    if not first.has_failed:
+        raise InvalidRequest(
+            f"there is no failure to reduce: {first.reason}", next_step="give a point at which the planner fails"
+        )
+    needed = {*named_vehicles_of(stratum), *([] if first.counterpart_id is None else [first.counterpart_id])}
+    others = [key for key in request.recorded if key not in needed]
+    ended_s: dict[_Candidate, float | None] = {}
+
+    def remains(candidate: _Candidate) -> bool:
+        try:
+            edits = _reduced(stratum, request.recorded, needed, candidate)
+        except InvalidRequest:
+            return False
+        again = evaluator.evaluate(edits)
+        ended_s[candidate] = again.time_s
+        return is_same_failure(first, again)
+
+    trials: Trials[_Candidate] = Trials(remains, request.most_runs)
+    report(0.1, "leaving out road users")
+    subset = minimal_subset(others, lambda kept: trials((kept, values, None)))
+    report(0.5, "moving parameters back")
+    base = tuple(round(parameter.base_value, 4) for parameter in stratum.parameters)
+    near = nearest_values(values, base, lambda tried: trials((subset.items, tried, None)))
+    duration = None
+    failed_s = ended_s.get((subset.items, near.values, None), first.time_s)
+    if failed_s is not None:
+        report(0.8, "cutting the time")
+        until = round(failed_s + _AFTER_S, 2)
+        duration = smallest([until], lambda one: trials((subset.items, near.values, one)))
+    edits = _reduced(stratum, request.recorded, needed, (subset.items, near.values, duration))
+    evaluation = evaluator.evaluate(edits)
+    added = sum(edit.op == "add_vehicle" for edit in edits)
+    names = [parameter.name for parameter in stratum.parameters]
+    return Shrunk(
+        edits=edits,
+        values=dict(zip(names, near.values, strict=True)),
+        evaluation=evaluation,
+        runs=trials.runs,
+        road_users_before=len(request.recorded) + added,
+        road_users=len(subset.items) + len(needed.intersection(request.recorded)) + added,
+        kept=subset.items,
+        needed=tuple(names[index] for index in near.changed),
+        is_minimal=subset.is_minimal,
+        duration_s=duration,
+    )
+
+
+def _edits(stratum: LogicalScenario, values: Sequence[float]) -> tuple[Edit, ...]:
+    names = (parameter.name for parameter in stratum.parameters)
+    return concrete_edits(stratum, dict(zip(names, values, strict=True)))
+
+
+def _reduced(
+    stratum: LogicalScenario, recorded: Sequence[int], needed: set[int], candidate: _Candidate
+) -> tuple[Edit, ...]:
+    """Return the edits with only some of the road users, other values, and perhaps an earlier end."""
+    kept, values, duration = candidate
+    removed = [str(key) for key in recorded if key not in kept and key not in needed]
+    edits = [*_edits(stratum, values)]
+    if removed:
+        edits.append(Edit(op="remove_vehicle", vehicles=removed))
+    if duration is not None:
+        edits.append(Edit(op="crop", duration_s=duration))
+    return tuple(edits)
+
+
+def is_same_failure(first: Evaluation, second: Evaluation) -> bool:
+    """Return True if two failures have the same counterpart, contact, cause and verdict."""
+    return all(
+        getattr(first, name) == getattr(second, name)
+        for name in ("outcome", "run_outcome", "counterpart_id", "contact", "cause")
+    )

@@ -1,0 +1,234 @@
+"""The search for failures: its space, proposals and points, findings, and the arguments and result of the tool."""
+
+from collections.abc import Iterator, Sequence
+
+from pydantic import Field
+
+from .base import Answer, Arguments, Model, Result, first_of
+from .exploration import EncounterSetting, Evaluation, LogicalScenario
+from .jobs import JobState
+from .modification import Edit
+from .runs import Prediction, Traffic
+from .text import counted
+
+
+class SpaceRequest(Model):
+    """The base and planner for which a space is derived."""
+
+    setting: EncounterSetting
+    base_id: str
+
+
+class SearchSpace(Model):
+    """The unchanged base, and what a scenario offers to a search.
+
+    ``base``: how the planner fares in the unchanged base. ``strata``: logical scenarios with one counterpart and one
+    manoeuvre each; empty if the base fails. ``recorded``: the base's road users by id.
+    """
+
+    base: Evaluation
+    strata: tuple[LogicalScenario, ...] = ()
+    recorded: tuple[int, ...] = ()
+
+
+class SpacePoint(Model):
+    """A point of a space: a stratum by name, and a share of the range of each of its parameters."""
+
+    stratum: str
+    shares: tuple[float, ...]
+
+
+class PointScore(Model):
+    """The score of a point: the lower, the nearer to a failure; None if it is implausible. ``cell``: of a failure."""
+
+    value: float | None
+    cell: str | None = None
+
+
+class ProposalsRequest(Model):
+    """What determines the next points of a search: strata with their number of parameters, seed, and all scores."""
+
+    strata: tuple[tuple[str, int], ...] = Field(min_length=1)
+    seed: int
+    scores: tuple[PointScore, ...] = ()
+
+
+class ProposedPoints(Model):
+    """The next points of a search."""
+
+    points: tuple[SpacePoint, ...]
+
+
+class SpacePointsRequest(Model):
+    """Points to evaluate; ``strata``: at least those of the points; ``recorded``: the base's road users by id."""
+
+    setting: EncounterSetting
+    strata: tuple[LogicalScenario, ...]
+    points: tuple[SpacePoint, ...]
+    recorded: tuple[int, ...] = ()
+
+
+class EvaluatedPoint(Model):
+    """A point with its edits, how the planner fares there, and the score for the search.
+
+    ``edits`` is empty if a template does not fit.
+    """
+
+    point: SpacePoint
+    edits: tuple[Edit, ...] = ()
+    evaluation: Evaluation
+    score: PointScore
+
+
+class EvaluatedPoints(Model):
+    """Evaluated points, in the order of the request."""
+
+    points: tuple[EvaluatedPoint, ...]
+
+
+class ShrinkRequest(Model):
+    """A failure to reduce; ``most_runs``: how many candidates may be run."""
+
+    setting: EncounterSetting
+    stratum: LogicalScenario
+    point: SpacePoint
+    recorded: tuple[int, ...] = ()
+    most_runs: int = 40
+
+
+class Shrunk(Model):
+    """A failure reduced to what it needs.
+
+    ``edits``: the whole list, which replaces the failure's. ``kept``: the road users that the failure needs besides
+    the counterpart and added ones. ``needed``: the parameters that cannot return to their ordinary value.
+    ``is_minimal``: no single road user can be left out (False: there were no runs left to show it). ``duration_s``: the
+    end of the time span; None if it could not be cut.
+    """
+
+    edits: tuple[Edit, ...]
+    values: dict[str, float]
+    evaluation: Evaluation
+    runs: int
+    road_users_before: int
+    road_users: int
+    kept: tuple[int, ...] = ()
+    needed: tuple[str, ...] = ()
+    is_minimal: bool = True
+    duration_s: float | None = None
+
+
+class FindFailuresArguments(Arguments):
+    """Search for plausible changes of a scenario in which a planner fails and a careful driver would not."""
+
+    scenario_id: str = Field("latest", description="the base; the planner must pass it")
+    config: str = Field("current", description="config id, PLANNER[:PRESET]")
+    runs: int = Field(150, ge=1, le=5000, description="budget; a larger one goes on")
+    until_first: bool = False
+    """Stop at the first failure."""
+    shrink: bool = Field(False, description="reduce each failure to what it needs")
+    horizon_s: float = Field(6.0, ge=2.0, le=30.0)
+    """How long each run lasts at most."""
+    prediction: Prediction = "constant_velocity"
+    """The prediction of others that the planner receives."""
+    traffic: Traffic = "recorded"
+    """Whether others follow their recording or react to the ego."""
+    wait_s: float = Field(45, ge=0, le=50)
+    """How long to wait, in s. Afterwards the answer gives the job's id."""
+    seed: int = 0
+
+
+class ShrunkFailure(Model):
+    """A failure reduced to what it needs, as a stored scenario and its run."""
+
+    scenario_id: str
+    run_id: str
+    edits: tuple[Edit, ...] = Field(description="the edits of the base")
+    road_users_before: int
+    road_users: int
+    needed: tuple[str, ...] = Field((), description="parameters that matter, with their values")
+    runs: int = Field(description="runs that the reduction took")
+    is_minimal: bool = Field(True, description="whether no single road user can be left out")
+
+
+class FoundFailure(Model):
+    """A failure in a cell of its own, as a stored scenario that modify_scenario makes from the base, and its run."""
+
+    scenario_id: str
+    run_id: str
+    cell: str = Field(description="counterpart and manoeuvre, contact, the ego's speed band, cause")
+    change: str = Field(description="the change of the base in words")
+    values: dict[str, float] = Field(description="the parameters of the change")
+    edits: tuple[Edit, ...] = Field(description="the edits of the base")
+    reason: str = Field(description="how the run ended")
+    time_s: float | None = Field(None, description="time of the failure since the start")
+    prevented_by: tuple[str, ...] = Field((), description="reference drivers that prevent it")
+    found_after: int = Field(description="number of the run that found it")
+    hits: int = Field(description="points of the search in this cell")
+    shrunk: ShrunkFailure | None = None
+
+
+class FailureSearchRecord(Model):
+    """A finished search: the base, the budget used, and the failures, one per cell in the order of finding."""
+
+    base_id: str
+    config_id: str
+    config_name: str
+    runs: int = Field(description="runs made")
+    implausible: int = Field(description="proposals refused as implausible; they cost no run")
+    unavoidable: int = Field(description="runs with a failure that no careful driver avoids")
+    strata: tuple[str, ...] = Field(description="what was varied")
+    failures: tuple[FoundFailure, ...] = ()
+
+
+class FindFailuresResult(Result):
+    """The failures found, or the job."""
+
+    state: JobState
+    job_id: str | None = None
+    search: FailureSearchRecord | None = Field(None, description="the search; null until it is done")
+    message: str = Field("", description="progress in words")
+    next_step: str
+
+    def answer(self) -> Answer:
+        """Return the failures with their change, run and verdict."""
+        search = self.search
+        if search is None:
+            return Answer(f"{self.job_id}: {self.state}; {self.message}", next_step=self.next_step)
+        found = counted(len(search.failures), "distinct failure")
+        other = (
+            f"{counted(search.unavoidable, 'more run')} ended in a failure that no careful driver avoids; "
+            f"{counted(search.implausible, 'proposal')} implausible."
+        )
+        varied = ", ".join(first_of(search.strata, _MOST_STRATA, "in the structured answer"))
+        return Answer(
+            f"{search.config_name} near {search.base_id}: {found} that a careful driver avoids, in {search.runs} runs.",
+            decided=[f"Varied: {varied}.", other],
+            listed=first_of(
+                [line for failure in search.failures for line in _lines(failure)],
+                2 * _MOST_FAILURES,
+                "the structured answer has all",
+            ),
+            next_step=self.next_step,
+        )
+
+
+_MOST_FAILURES, _MOST_STRATA = 6, 12
+"""How many failures and strata the text lists (chosen for an answer below 600 tokens)."""
+
+
+def _lines(failure: FoundFailure) -> Iterator[str]:
+    """Yield a failure: what was changed and its run, then how it ended and what it needs."""
+    yield f"{failure.run_id} on {failure.scenario_id}: {failure.change}"
+    drivers = ", ".join(failure.prevented_by[:2])
+    shrunk = failure.shrunk
+    reduced = (
+        ""
+        if shrunk is None
+        else f" Reduced: {shrunk.scenario_id}, {shrunk.road_users_before} → {shrunk.road_users} road users"
+        f"{f', needs {_listed(shrunk.needed)}' if shrunk.needed else ''}."
+    )
+    yield f"  {failure.reason}; {drivers} would not fail ({failure.cell}).{reduced}"
+
+
+def _listed(words: Sequence[str]) -> str:
+    return ", ".join(words)

@@ -1,0 +1,133 @@
+"""Searches for failures on a drawn road, with a planner that never brakes: found, resumed, refused and reduced."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from support.artifacts import store_scenario
+from support.builders import driving, town_road
+
+from benchmarks.harness import call_in_process
+from plannerforge.engine.workspace import Workspace
+from plannerforge.schemas.errors import NotPossible
+from plannerforge.schemas.failures import EvaluatedPoint, FailureSearchRecord, FindFailuresArguments
+from plannerforge.schemas.modification import Edit
+from plannerforge.workflows import failures
+
+BASE = "ZAM_Town-1_1_T-1"
+QUIET = town_road().with_vehicles(driving(34, (280, 7), 11.0, 151, heading_rad=3.14159))
+
+
+class Stopped(Exception):
+    """Someone stopped the search."""
+
+
+def workspace_with(folder: Path, builder: Any = QUIET) -> Workspace:
+    workspace = Workspace(folder / "workspace")
+    store_scenario(workspace, BASE, builder.write(folder / "town.xml"))
+    return workspace
+
+
+def progress(stop_after: int | None = None) -> Any:
+    told: list[str] = []
+
+    def report(share: float, message: str = "") -> None:
+        assert 0.0 <= share <= 1.0
+        told.append(message)
+        if stop_after is not None and len(told) >= stop_after:
+            raise Stopped
+
+    return SimpleNamespace(report=report, add_result=lambda _: None, told=told)
+
+
+@pytest.fixture
+def stored(monkeypatch: pytest.MonkeyPatch) -> list[Sequence[Edit]]:
+    """The edits that searches store; ids stand for scenarios and runs, which other tests cover."""
+    made: list[Sequence[Edit]] = []
+
+    async def store(_: Any, edits: Sequence[Edit]) -> tuple[str, str]:
+        made.append(edits)
+        return f"scenario{len(made)}", f"run{len(made)}"
+
+    monkeypatch.setattr(failures._Search, "store", store)
+    return made
+
+
+async def searched(workspace: Workspace, told: Any, **given: Any) -> tuple[FailureSearchRecord, list[EvaluatedPoint]]:
+    arguments = FindFailuresArguments.model_validate({"scenario_id": BASE, "config": "keep_lane", "runs": 20, **given})
+    search = failures._search(arguments, call_in_process(workspace))
+    return await search.run(told), search.points
+
+
+@pytest.mark.anyio
+async def test_failures_that_a_careful_driver_avoids_are_found_with_their_edits(
+    tmp_path: Path, stored: list[Sequence[Edit]]
+) -> None:
+    workspace = workspace_with(tmp_path)
+    record, points = await searched(workspace, progress(), shrink=True)
+    assert record.runs == 20
+    assert record.failures
+    assert len({failure.cell for failure in record.failures}) == len(record.failures)
+    for failure in record.failures:
+        assert failure.prevented_by
+        assert 1 <= failure.found_after <= 20
+        assert failure.edits in stored
+        assert failure.shrunk is not None
+        assert failure.shrunk.road_users <= failure.shrunk.road_users_before
+        assert failure.shrunk.runs <= 40
+    assert sum(point.score.cell is not None for point in points) == sum(one.hits for one in record.failures)
+    workspace.close()
+
+
+@pytest.mark.anyio
+async def test_an_interrupted_search_goes_on_and_ends_as_one_that_was_not(
+    tmp_path: Path, stored: list[Sequence[Edit]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "whole").mkdir()
+    (tmp_path / "stopped").mkdir()
+    whole = workspace_with(tmp_path / "whole")
+    expected, _ = await searched(whole, progress())
+    stopped = workspace_with(tmp_path / "stopped")
+    with pytest.raises(Stopped):
+        await searched(stopped, progress(stop_after=3))
+    asked = []
+    run = failures._Search.evaluate_batch
+
+    async def batch(self: Any, space: Any) -> None:
+        asked.append(len(self.points))
+        await run(self, space)
+
+    monkeypatch.setattr(failures._Search, "evaluate_batch", batch)
+    record, _ = await searched(stopped, progress())
+    assert asked[0] == 12
+    assert [one.edits for one in record.failures] == [one.edits for one in expected.failures]
+    assert record.runs == expected.runs
+    whole.close()
+    stopped.close()
+
+
+@pytest.mark.anyio
+async def test_a_larger_budget_goes_on_and_a_smaller_one_has_the_first_part(
+    tmp_path: Path, stored: list[Sequence[Edit]]
+) -> None:
+    workspace = workspace_with(tmp_path)
+    more, points = await searched(workspace, progress(), runs=24)
+    less, again = await searched(workspace, progress(), runs=12)
+    assert again == points
+    assert [one.cell for one in less.failures] == [one.cell for one in more.failures][: len(less.failures)]
+    first, _ = await searched(workspace, progress(), runs=24, until_first=True)
+    assert len(first.failures) == 1
+    assert first.runs == more.failures[0].found_after
+    workspace.close()
+
+
+@pytest.mark.anyio
+async def test_a_base_that_fails_already_is_refused_with_its_failure(tmp_path: Path) -> None:
+    standing = driving(31, (70, 0), 0.0, 151)
+    workspace = workspace_with(tmp_path, town_road().with_vehicles(standing))
+    with pytest.raises(NotPossible, match=r"already fails .* without a change: collided with obstacle 31") as refusal:
+        await searched(workspace, progress())
+    assert refusal.value.reason.startswith("base_failed")
+    workspace.close()

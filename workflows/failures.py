@@ -1,0 +1,389 @@
+"""Search a scenario's surroundings for failures of a planner.
+
+A search is a job. Every evaluated batch is kept, so that an interrupted search, or one with a larger budget, goes on
+where the last one stopped. What it finds are ordinary edited scenarios with their runs.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import anyio
+
+from ..engine.execution import JobProgress
+from ..engine.workspace import Recipe, versions_of, write_text
+from ..schemas.base import Model
+from ..schemas.errors import NotPossible
+from ..schemas.exploration import EncounterSetting
+from ..schemas.failures import (
+    EvaluatedPoint,
+    FailureSearchRecord,
+    FindFailuresArguments,
+    FindFailuresResult,
+    FoundFailure,
+    PointScore,
+    ProposalsRequest,
+    SearchSpace,
+    ShrinkRequest,
+    ShrunkFailure,
+    SpacePointsRequest,
+    SpaceRequest,
+)
+from ..schemas.modification import Edit, ModifyScenarioArguments
+from ..schemas.planning import PlannerConfiguration
+from ..schemas.text import counted
+from .configurations import resolve_configuration
+from .context import WorkflowContext
+from .modification import base_and_edits, modified_once
+from .operations import EVALUATE_IN_SPACE, OPEN_SPACE, PROPOSE_POINTS, SHRINK_FAILURE
+from .runs import Cell, own_versions, run_cell
+from .scenarios import one_scenario
+
+_TOOL = "find_failures"
+_MOST_TRIED = 6
+"""A search ends after this many proposals per run, if most are implausible (chosen)."""
+_FOLDER = "explored"
+"""The workspace's folder of evaluated points."""
+
+
+class _Kept(Model):
+    """What a search has evaluated so far."""
+
+    space: SearchSpace
+    points: tuple[EvaluatedPoint, ...] = ()
+
+
+@dataclass
+class _Search:
+    """A search in progress.
+
+    ``digest``: of what determines its points, without its budget.
+    """
+
+    arguments: FindFailuresArguments
+    context: WorkflowContext
+    scenario_id: str
+    configuration: PlannerConfiguration
+    setting: EncounterSetting
+    digest: str
+    space: SearchSpace | None = None
+    points: list[EvaluatedPoint] = field(default_factory=list)
+
+    @property
+    def runs(self) -> int:
+        """The number of runs made."""
+        return sum(point.score.value is not None for point in self.points)
+
+    @property
+    def path(self) -> Path:
+        """The file with what is kept."""
+        return self.context.workspace.root / _FOLDER / f"{self.digest}.json"
+
+    def cells(self, points: Sequence[EvaluatedPoint]) -> dict[str, list[EvaluatedPoint]]:
+        """Return the failures among points by cell, in the order of finding."""
+        cells: dict[str, list[EvaluatedPoint]] = {}
+        for point in points:
+            if point.score.cell is not None:
+                cells.setdefault(point.score.cell, []).append(point)
+        return cells
+
+    @property
+    def within_budget(self) -> list[EvaluatedPoint]:
+        """The points up to the budget, or up to the first failure if that ends the search."""
+        used, taken = 0, list[EvaluatedPoint]()
+        for point in self.points:
+            taken.append(point)
+            used += point.score.value is not None
+            if used >= self.arguments.runs or (self.arguments.until_first and point.score.cell is not None):
+                break
+        return taken
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the budget is used up, or the first failure was found if that ends the search."""
+        if self.arguments.until_first and any(point.score.cell is not None for point in self.within_budget):
+            return True
+        return self.runs >= self.arguments.runs or len(self.points) >= _MOST_TRIED * self.arguments.runs
+
+    def resume(self) -> None:
+        """Read what an earlier search kept."""
+        if self.path.is_file():
+            kept = _Kept.model_validate_json(self.path.read_bytes())
+            self.space, self.points = kept.space, [*kept.points]
+
+    def keep(self) -> None:
+        """Store what is evaluated; the file is replaced as a whole."""
+        if self.space is None:
+            return
+        with self.context.workspace.scratch() as folder:
+            made = folder / self.path.name
+            write_text(made, _Kept(space=self.space, points=tuple(self.points)).model_dump_json(), "the search")
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            made.replace(self.path)
+
+    async def open(self) -> SearchSpace:
+        """Return the space, of an earlier search or derived now.
+
+        Raises:
+            NotPossible: the planner fails in the unchanged base, or nothing plausible can be varied.
+        """
+        self.resume()
+        if self.space is None:
+            request = SpaceRequest(setting=self.setting, base_id=self.scenario_id)
+            self.space = await self.context.run(OPEN_SPACE, request)
+            self.keep()
+        _check(self.space, self.scenario_id, self.configuration.name)
+        return self.space
+
+    async def run(self, progress: JobProgress) -> FailureSearchRecord:
+        """Search until the budget is used, store the failures, and return the record."""
+        space = await self.open()
+        while not self.is_done:
+            await self.evaluate_batch(space)
+            self.keep()
+            share = min(self.runs / self.arguments.runs, 1.0)
+            found = len(self.cells(self.points))
+            progress.report(0.9 * share, f"{self.runs} of {self.arguments.runs} runs, {found} distinct failures")
+        return await self._record(space, progress)
+
+    async def evaluate_batch(self, space: SearchSpace) -> None:
+        """Propose and evaluate one batch, on as many workers as there are."""
+        sizes = tuple((stratum.name, len(stratum.parameters)) for stratum in space.strata)
+        scores = tuple(PointScore(value=one.score.value, cell=one.score.cell) for one in self.points)
+        proposed = await self.context.run(
+            PROPOSE_POINTS, ProposalsRequest(strata=sizes, seed=self.arguments.seed, scores=scores)
+        )
+        workers = max(min(self.context.services.workers.capacity, len(proposed.points)), 1)
+        parts = [proposed.points[begin::workers] for begin in range(workers)]
+        done: dict[int, tuple[EvaluatedPoint, ...]] = {}
+
+        async def evaluate(number: int) -> None:
+            named = {point.stratum for point in parts[number]}
+            strata = tuple(stratum for stratum in space.strata if stratum.name in named)
+            request = SpacePointsRequest(
+                setting=self.setting, strata=strata, points=parts[number], recorded=space.recorded
+            )
+            done[number] = (await self.context.services.workers.run(EVALUATE_IN_SPACE, request)).points
+
+        async with anyio.create_task_group() as tasks:
+            for number in range(workers):
+                tasks.start_soon(evaluate, number)
+        self.points += [done[index % workers][index // workers] for index in range(len(proposed.points))]
+
+    async def _record(self, space: SearchSpace, progress: JobProgress) -> FailureSearchRecord:
+        points = self.within_budget
+        numbers: dict[str, int] = {}
+        used = 0
+        for point in points:
+            used += point.score.value is not None
+            if point.score.cell is not None:
+                numbers.setdefault(point.score.cell, used)
+        failures = []
+        for cell, hits in self.cells(points).items():
+            failure = await self._stored(space, cell, hits, numbers[cell])
+            failures.append(failure)
+            progress.add_result(failure.run_id)
+            progress.report(0.9, f"{len(failures)} of {len(numbers)} failures stored")
+        return FailureSearchRecord(
+            base_id=self.scenario_id,
+            config_id=self.configuration.config_id,
+            config_name=self.configuration.name,
+            runs=used,
+            implausible=sum(point.evaluation.outcome == "implausible" for point in points),
+            unavoidable=sum(point.evaluation.outcome == "failed_unavoidably" for point in points),
+            strata=tuple(stratum.name for stratum in space.strata),
+            failures=tuple(failures),
+        )
+
+    async def _stored(self, space: SearchSpace, cell: str, hits: Sequence[EvaluatedPoint], number: int) -> FoundFailure:
+        """Store the clearest failure of a cell as a scenario with its run."""
+        best = min(hits, key=lambda hit: hit.score.value or 0.0)
+        stratum = next(one for one in space.strata if one.name == best.point.stratum)
+        scenario_id, run_id = await self.store(best.edits)
+        shrunk = None
+        if self.arguments.shrink:
+            request = ShrinkRequest(setting=self.setting, stratum=stratum, point=best.point, recorded=space.recorded)
+            reduced = await self.context.run(SHRINK_FAILURE, request)
+            small_id, small_run = await self.store(reduced.edits)
+            units = {parameter.name: parameter.unit for parameter in stratum.parameters}
+            shrunk = ShrunkFailure(
+                scenario_id=small_id,
+                run_id=small_run,
+                edits=reduced.edits,
+                road_users_before=reduced.road_users_before,
+                road_users=reduced.road_users,
+                needed=tuple(f"{name} {reduced.values[name]:g} {units[name]}".rstrip() for name in reduced.needed),
+                runs=reduced.runs,
+                is_minimal=reduced.is_minimal,
+            )
+        values = {
+            parameter.name: round(parameter.at_share(share), 4)
+            for parameter, share in zip(stratum.parameters, best.point.shares, strict=True)
+        }
+        written = ", ".join(f"{one.name} {values[one.name]:.3g} {one.unit}".rstrip() for one in stratum.parameters)
+        return FoundFailure(
+            scenario_id=scenario_id,
+            run_id=run_id,
+            cell=cell,
+            change=f"{stratum.summary} ({written})",
+            values=values,
+            edits=best.edits,
+            reason=best.evaluation.reason,
+            time_s=best.evaluation.time_s,
+            prevented_by=tuple(dict.fromkeys(one.driver for one in best.evaluation.prevented_by)),
+            found_after=number,
+            hits=len(hits),
+            shrunk=shrunk,
+        )
+
+    async def store(self, edits: Sequence[Edit]) -> tuple[str, str]:
+        """Store an edited scenario and the planner's run on it, and return their ids."""
+        arguments = ModifyScenarioArguments(
+            scenario_id=self._base, edits=list(edits), on_conflict="refuse", seed=self.arguments.seed
+        )
+        made = await modified_once(arguments, self.context)
+        scenario_id = str(made.scenario_id)
+        cell = Cell(
+            scenario_id,
+            self.setting.problem_id,
+            self.configuration,
+            self.arguments.prediction,
+            self.arguments.traffic,
+            self.arguments.seed,
+        )
+        result = await run_cell(self.context, cell)
+        run_id = "" if result.record is None else result.record.run_id
+        self.context.made("run", run_id)
+        return scenario_id, run_id
+
+    @property
+    def _base(self) -> str:
+        problem = self.setting.problem_id
+        return self.scenario_id if problem is None else f"{self.scenario_id}#{problem}"
+
+
+def _check(space: SearchSpace, scenario_id: str, planner: str) -> None:
+    if space.base.has_failed or space.base.outcome != "safe":
+        raise NotPossible(
+            f"{planner} already fails in {scenario_id} without a change: {space.base.reason}",
+            reason=f"base_{space.base.outcome}",
+            next_step="choose a scenario that it passes; analyze_results explains this failure",
+        )
+    if not space.strata:
+        raise NotPossible(
+            f"nothing in {scenario_id} can be varied plausibly: no road user comes near, and none can be added",
+            reason="no_variation",
+            next_step="choose a scenario with more room or traffic",
+        )
+
+
+def _search(arguments: FindFailuresArguments, context: WorkflowContext) -> _Search:
+    artifact, problem = one_scenario(arguments.scenario_id, context)
+    configuration = resolve_configuration(arguments.config, context)
+    base_id, earlier = base_and_edits(artifact)
+    setting = EncounterSetting(
+        xml=context.workspace.file("scenario", base_id, "scenario.xml"),
+        configuration=configuration,
+        problem_id=problem,
+        earlier=earlier,
+        traffic=arguments.traffic,
+        prediction=arguments.prediction,
+        seed=arguments.seed,
+        horizon_s=arguments.horizon_s,
+    )
+    without_budget = _recipe(
+        arguments.model_copy(update={"runs": 1, "until_first": False, "shrink": False}),
+        artifact.artifact_id,
+        problem,
+        configuration,
+    )
+    return _Search(arguments, context, artifact.artifact_id, configuration, setting, without_budget.digest)
+
+
+def _recipe(
+    arguments: FindFailuresArguments, scenario_id: str, problem: int | None, configuration: PlannerConfiguration
+) -> Recipe:
+    return Recipe(
+        tool=_TOOL,
+        arguments={
+            "scenario": scenario_id,
+            "problem": problem,
+            "config": configuration.config_id,
+            "runs": arguments.runs,
+            "until_first": arguments.until_first,
+            "shrink": arguments.shrink,
+            "horizon_s": arguments.horizon_s,
+            "prediction": arguments.prediction,
+            "traffic": arguments.traffic,
+        },
+        parents=(scenario_id, configuration.config_id),
+        seed=arguments.seed,
+        versions=versions_of("commonroad-io", "libsumo", "numpy", "scipy") | own_versions([configuration.planner]),
+    )
+
+
+async def find_failures(arguments: FindFailuresArguments, context: WorkflowContext) -> FindFailuresResult:
+    """Search, or return the failures that the same search found; while it runs, answer with its job.
+
+    Raises:
+        NotPossible: the planner fails in the unchanged base, or nothing plausible can be varied.
+    """
+    search = _search(arguments, context)
+    recipe = _recipe(arguments, search.scenario_id, search.setting.problem_id, search.configuration)
+
+    async def work(progress: JobProgress) -> None:
+        apart = WorkflowContext(context.services)
+        done = await _search(arguments, apart).run(progress)
+        _keep_record(done, recipe, apart)
+        progress.report(1.0, f"{counted(len(done.failures), 'distinct failure')}; repeat find_failures to get them")
+
+    record = _kept_record(recipe, context)
+    if record is None:
+        await search.open()
+        job = context.start_job("exploration", recipe, work)
+        context.made("job", job.job_id)
+        job = await context.wait_for(job.job_id, arguments.wait_s)
+        record = _kept_record(recipe, context)
+        if record is None:
+            return FindFailuresResult(
+                state=job.state,
+                job_id=job.job_id,
+                message=job.error or job.message,
+                next_step=f"get_job with job_id '{job.job_id}', then repeat find_failures: evaluated runs are kept",
+            )
+    for failure in record.failures:
+        context.made("scenario", failure.scenario_id)
+        context.made("run", failure.run_id)
+    following = (
+        f"render ids=['{record.failures[0].run_id}'], or analyze_results of it"
+        if record.failures
+        else "repeat with more runs, reactive traffic or another scenario"
+    )
+    return FindFailuresResult(state="done", search=record, next_step=following)
+
+
+def _record_path(recipe: Recipe, context: WorkflowContext) -> Path:
+    return context.workspace.root / _FOLDER / f"{recipe.digest}_found.json"
+
+
+def _kept_record(recipe: Recipe, context: WorkflowContext) -> FailureSearchRecord | None:
+    """Return the record of a finished search, or None if there is none, or a scenario or run of it is gone."""
+    path = _record_path(recipe, context)
+    if not path.is_file():
+        return None
+    record = FailureSearchRecord.model_validate_json(path.read_bytes())
+    stored = all(
+        context.workspace.find("scenario", one.scenario_id) and context.workspace.find("run", one.run_id)
+        for one in record.failures
+    )
+    return record if stored else None
+
+
+def _keep_record(record: FailureSearchRecord, recipe: Recipe, context: WorkflowContext) -> None:
+    """Store the record of a finished search."""
+    path = _record_path(recipe, context)
+    with context.workspace.scratch() as folder:
+        made = folder / path.name
+        write_text(made, record.model_dump_json(), "the search")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        made.replace(path)
