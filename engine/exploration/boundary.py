@@ -8,6 +8,7 @@ between the corners. The sequence depends only on labels and seed, so an interru
 that it has.
 """
 
+import math
 import random
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -50,7 +51,8 @@ class Cell:
     @property
     def area(self) -> float:
         """The share of the whole square."""
-        return (self.size / SIZE) ** 2
+        share = self.size / SIZE
+        return share * share
 
     def halves(self) -> tuple["Cell", ...]:
         """Return the four cells that it splits into."""
@@ -283,7 +285,7 @@ def _upper_share(count: int, of: int) -> float:
     """Return the upper end of the Wilson interval of a share."""
     z = NormalDist().inv_cdf(0.5 + _CONFIDENCE / 2)
     share = count / of
-    middle, spread = share + z * z / (2 * of), z * ((share * (1 - share) + z * z / (4 * of)) / of) ** 0.5
+    middle, spread = share + z * z / (2 * of), z * math.sqrt((share * (1 - share) + z * z / (4 * of)) / of)
     return (middle + spread) / (1 + z * z / of)
 
 

@@ -1,6 +1,6 @@
 """The map of where planners fail over two parameters, with the edges of the reference drivers."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,10 @@ _LOOKS: dict[PointOutcome, tuple[str, str, str]] = {
     "invalid": ("#F0E442", "v", "#5A5A5A"),
 }
 """The fill of an outcome, and its points' mark and colour: they differ in lightness and mark too (Okabe and Ito)."""
-_REFERENCE_LINES: dict[str, tuple[str, str]] = {"r157_careful": ("-", "careful driver"), "fsm": ("--", "fuzzy driver")}
+_REFERENCE_LINES: dict[str, tuple[Literal["-", "--"], str]] = {
+    "r157_careful": ("-", "careful driver"),
+    "fsm": ("--", "fuzzy driver"),
+}
 
 
 def boundary_chart(record: BoundaryRecord) -> Drawing:
@@ -46,8 +49,8 @@ def boundary_chart(record: BoundaryRecord) -> Drawing:
         _draw(axes, record, one)
         words.append(_in_words(one))
     shown = list(dict.fromkeys(point.evaluation.outcome for one in maps for point in one.points))
-    one, other = record.axes
-    subtitle = f"{record.scenario.summary} ({one.name} × {other.name})"
+    axes_names = " × ".join(axis.name for axis in record.axes)
+    subtitle = f"{record.scenario.summary} ({axes_names})"
     write_title(figure, f"Boundary: {record.scenario.name}", shortened(subtitle, width_px // 8))
     write_legend(figure, 0.012, 4 if columns > 1 else 2, handles=_legend(shown, record))
     return Drawing(figure, f"Boundary of {record.scenario.name}: {subtitle}. {' '.join(words)}")
