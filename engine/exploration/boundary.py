@@ -21,7 +21,7 @@ Place = tuple[int, int]
 
 START, LEVELS = 4, 4
 """Cells along each side of the first grid, and how often a cell may be halved: 64 cells along a side (chosen)."""
-SIZE = START * 2**LEVELS
+SIZE: int = START << LEVELS
 """Cells of the finest lattice along each side."""
 _BISECTED = SIZE // 8
 """Cells of this size are small enough to bisect their sides (chosen): an eighth of a range."""
