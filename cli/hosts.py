@@ -47,7 +47,7 @@ class Host:
     then: str = "restart it"
 
     def file(self, home: Path, platform: str) -> Path:
-        """Return its settings file for a home folder and a ``sys.platform`` value."""
+        """Return the host's settings file for a home folder and a ``sys.platform`` value."""
         return home / (self.mac if self.mac and platform == "darwin" else self.path)
 
     def entry(self, command: Sequence[str]) -> dict[str, Any]:

@@ -116,7 +116,7 @@ class Caller:
         self._services: Services | None = None
 
     def call(self, workflow: Callable[..., Awaitable[_Answer]], *arguments: object) -> _Answer:
-        """Run a workflow with these arguments and a new context, and return its result.
+        """Run a workflow with the arguments of the call and a new context, and return its result.
 
         Raises:
             PlannerForgeError: The workflow raised it.

@@ -532,7 +532,7 @@ def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bo
     new = [f"{word} {was.get(word, 'none')} → {now[word]}" for word in now if was.get(word) != now[word]]
     if not new:
         return [f"No change for the ego: {_RISK} {now[_RISK]}."]
-    ego = "an ordinary ego that drives as before the edits" if blind else "the ego"
+    ego = "an ordinary ego that drives as before" if blind else "the ego"
     return [f"Change for {ego}: {', '.join(new)}."]
 
 

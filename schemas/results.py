@@ -70,7 +70,7 @@ class Rate(Model):
     scenarios: int | None = None
 
     def in_words(self) -> str:
-        """Return text such as ``6/8 = 75% (95% interval 41–93%)``, with the original scenarios if not ``of``."""
+        """Return text such as ``6/8 = 75% (95% interval 41–93%)``, with the scenario count if it differs."""
         if self.share is None or self.low is None or self.high is None:
             return f"{self.count}/{self.of}"
         span = f"95% interval {100 * self.low:.0f}–{100 * self.high:.0f}%"
@@ -329,7 +329,7 @@ class TrivialGoals(Model):
     success_without: Rate | None = Field(description="null over several configurations")
 
     def in_words(self) -> str:
-        """Return the number of goals of each kind, and the rate of goals without these runs."""
+        """Return the number of goals of each kind, and the rate of goals without the runs with such goals."""
         kinds = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in self.kinds.items())
         if self.looked_at < self.goals:
             kinds = f"of a random {self.looked_at} of {self.goals}, {kinds}"

@@ -55,22 +55,22 @@ class World(Model):
 
     @property
     def is_perfect(self) -> bool:
-        """Return whether the planner gets the truth, whatever the seed."""
+        """Whether the planner gets the truth, whatever the seed."""
         return not self.senses_imperfectly and not self.locates_imperfectly
 
     @property
     def senses_imperfectly(self) -> bool:
-        """Return whether what the planner gets of the other road users differs from the truth."""
+        """Whether the planner gets other road users in a state that differs from the truth."""
         return any(getattr(self, name) != World.model_fields[name].default for name in _SENSING)
 
     @property
     def locates_imperfectly(self) -> bool:
-        """Return whether what the planner gets of the ego's own pose differs from the truth."""
+        """Whether the planner gets an ego pose that differs from the truth."""
         return self.localisation_m > 0 or self.localisation_deg > 0
 
     @property
     def reports_true_states(self) -> bool:
-        """Return whether the road users that the planner gets have their true present states."""
+        """Whether the road users that the planner gets have their true present states."""
         return not any(getattr(self, name) for name in _DISTORTING)
 
     @property
@@ -320,7 +320,7 @@ REPORTED: tuple[SightCode, ...] = ("seen", "kept")
 class Sighting(Model):
     """What the planner got of a road user from a planning step on, until its next entry.
 
-    Only the steps at which it changed are kept. ``by`` is the road user that hides the largest part of it.
+    Only the steps at which it changed are kept. ``by`` is the road user that hides the largest part of the road user.
     """
 
     obstacle_id: int

@@ -36,7 +36,7 @@ _WARM_UP_DELAY_S = 1.0
 def create_server(
     settings: Settings, start_folder: Path | None = None, *, extra_tools: tuple[ToolSpec, ...] = ()
 ) -> PlannerForgeServer:
-    """Return a server for these settings; its services start with its first connection and end with it.
+    """Return a server for the given settings; its services start with its first connection and end with it.
 
     Args:
         start_folder: the base of relative paths; default: the working folder.
@@ -117,7 +117,7 @@ async def open_services(
 
 
 def offered_tools(settings: Settings) -> tuple[ToolSpec, ...]:
-    """Return the tools that these settings offer, in registry order; the small set has no rare arguments."""
+    """Return the tools that the settings offer, in registry order; the small set has no rare arguments."""
     offered = [spec for spec in TOOLS if settings.tools == "all" or spec.essential]
     if settings.tools != "all":
         offered = [replace(spec, unlisted=spec.seldom) for spec in offered]

@@ -264,7 +264,7 @@ async def _measures(context: WorkflowContext, record: RunRecord) -> Sequence[Mea
 async def _illustrated(
     section: ReportSection, context: WorkflowContext, run_ids: Sequence[str], part: ReportPart
 ) -> ReportSection:
-    """Return the section with the part's pictures of these runs, and the reasons for missing pictures."""
+    """Return the section with the part's pictures of the given runs, and the reasons for missing pictures."""
     images, absent = list(section.images), list[str]()
     captions = {kind: picture.caption for kind, picture in REPORT_PICTURES.items() if picture.part == part}
     for kind, caption in captions.items():

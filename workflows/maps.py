@@ -224,7 +224,7 @@ def _item(path: Path, artifact: Artifact, lost: tuple[str, ...] = (), *, reused:
 
 
 async def map_of_scenario(context: WorkflowContext, word: str) -> str | None:
-    """Return the id of the map from a scenario's road network, created at first use; None for other words.
+    """Return the id of the map made from a scenario's road network, created at first use; None for other words.
 
     Raises:
         UnsafeInput: a vehicle cannot drive on the lanelets of the scenario.

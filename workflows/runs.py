@@ -104,7 +104,7 @@ class Cell:
 
 
 def _world_argument(world: World) -> dict[str, dict[str, float]]:
-    """Return the recipe's argument for a world; empty for a perfect one, so that ids from before worlds stay valid."""
+    """Return the recipe's argument for a world; empty for a perfect world, so that older ids stay valid."""
     return {} if world.is_perfect else {"world": world.stated}
 
 

@@ -457,7 +457,7 @@ _OWN: tuple[tuple[str, tuple[PaceCode, ...], str], ...] = (
 
 
 def _paces_of(evidence: Evidence, records: Iterable[RunRecord], codes: Iterable[PaceCode]) -> tuple[FindingMoment, ...]:
-    """Return the first stretch of each run that has one of these codes."""
+    """Return the first stretch of each run that has one of the codes."""
     wanted = tuple(codes)
     found = []
     for record in records:

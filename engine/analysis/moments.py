@@ -402,7 +402,7 @@ class _Drive:
         return bool(sightings) and (not then or then[-1].code not in REPORTED)
 
     def _sight(self, sightings: Sequence[Sighting], hit_step: int) -> Sight | None:
-        """Return since when the planner had got a road user at a step, or None if it always had."""
+        """Return the ``Sight`` of a road user that is hit at a step, or None if the planner had got it throughout."""
         before = [one for one in sightings if one.step <= hit_step]
         last = max((at for at, one in enumerate(before) if one.code not in REPORTED), default=-1)
         if last < 0:

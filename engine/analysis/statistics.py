@@ -80,7 +80,7 @@ def _sums(trials: Iterable[tuple[str, float]]) -> list[_Cluster]:
 
 
 def _effective(clusters: Sequence[_Cluster], of: int, mean: float, variance: float) -> float:
-    """Return the number of independent trials that these trials are worth, given their mean and variance."""
+    """Return the number of independent trials that estimate the mean as precisely as the clustered trials."""
     count = len(clusters)
     if count == of:
         return float(of)

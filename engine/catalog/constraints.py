@@ -403,7 +403,7 @@ class _Places:
 
 
 def known_places(connection: sqlite3.Connection, among: Container[int] | None = None) -> _Places:
-    """Return all countries and places of the catalogue, or of these entries."""
+    """Return all countries and places of the catalogue, or of the given entries."""
     if among is None:
         rows = connection.execute("SELECT DISTINCT place, country FROM catalog_scenarios").fetchall()
     else:
@@ -452,7 +452,7 @@ def _country_code(connection: sqlite3.Connection, country: str) -> str:
 
 
 def _keys_of_place(connection: sqlite3.Connection, city: str) -> tuple[str, ...]:
-    """Return the keys of a city as spelled or, if the catalogue has no entry under them, of its names elsewhere."""
+    """Return the keys of a city's name as spelled or, if these are not in the catalogue, in other languages."""
     own = tuple(sorted(place_keys(city)))
     if has_place(connection, own):
         return own

@@ -421,7 +421,7 @@ _COLUMNS = "number, scenario_id, size, ttc_s"
 
 
 def entries_of(connection: sqlite3.Connection, numbers: Iterable[int]) -> list[_Entry]:
-    """Return these entries in the alphabetical order of their ids."""
+    """Return the given entries, in the alphabetical order of their ids."""
     entries = [_Entry(*row) for chunk in _chunks(numbers) for row in _selected(connection, "number", chunk)]
     return sorted(entries, key=lambda entry: entry.scenario_id)
 

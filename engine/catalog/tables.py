@@ -132,7 +132,7 @@ def add_facts(connection: sqlite3.Connection, number: int, facts: ScenarioFacts)
 
 
 def facts_of(connection: sqlite3.Connection, scenario_ids: Iterable[str]) -> dict[str, ScenarioFacts]:
-    """Return the facts of these scenarios by id; ids that are not in the catalogue are left out."""
+    """Return the facts of the given scenarios by id; ids that are not in the catalogue are left out."""
     query = "SELECT facts FROM catalog_scenarios WHERE scenario_id = ?"
     rows = ((scenario_id, connection.execute(query, (scenario_id,)).fetchone()) for scenario_id in scenario_ids)
     return {scenario_id: ScenarioFacts.model_validate_json(row[0]) for scenario_id, row in rows if row is not None}

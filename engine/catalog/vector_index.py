@@ -126,7 +126,7 @@ def _loaded(model: EmbeddingModel) -> Embed:
 def ensure_generation(
     root: Path, texts: Mapping[str, str], model: str, embed: Embed, report: ProgressReporter = silent
 ) -> tuple[Path, bool]:
-    """Return the complete generation for these texts, which is built if missing, and whether it was built now.
+    """Return the complete generation for the given texts, which is built if missing, and whether it was built now.
 
     Vectors of known texts come from a cache in the index's folder, so that an import embeds only new texts. The cache
     keeps the vectors that were embedded before an interruption.
@@ -234,7 +234,7 @@ def _is_readable(folder: Path) -> bool:
 
 @contextmanager
 def _reading(folder: Path) -> Iterator[None]:
-    """Convert errors while Chroma reads a complete generation.
+    """Raise ``ResourceFailure`` for any error of Chroma while the block reads a complete generation.
 
     Raises:
         ResourceFailure: the generation cannot be read; the reason is ``DAMAGED``.

@@ -79,7 +79,7 @@ class LaneletElement:
 
     @property
     def is_footway(self) -> bool:
-        """Whether it is open to pedestrians only."""
+        """Whether the lanelet is open to pedestrians only."""
         return self.users == ("pedestrian",)
 
     @cached_property

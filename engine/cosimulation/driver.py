@@ -28,7 +28,7 @@ class _ParameterRange:
         return (value > self.low if self.above else value >= self.low) and value <= self.high
 
     def nearest(self, value: float) -> float:
-        """Return the valid value nearest to an invalid one; an excluded lower end gives 1 % of the range above it."""
+        """Return the valid value nearest to an invalid value; an excluded lower end gives 1 % of the range above it."""
         if value > self.high:
             return self.high
         return self.low + (self.high - self.low) / 100 if self.above else self.low

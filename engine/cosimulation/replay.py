@@ -402,7 +402,7 @@ class _Run:
             self._sumo.allow_lane_changes(actor.key, LaneChanges.DRIVERS_OWN)
 
     def _change_to_required_lane(self, actor: Actor, lane: str) -> None:
-        """Send a vehicle to the lane of its edge that it must still use, or to its target's lane."""
+        """Send a vehicle to the lane that it must still use on its present edge, or to its target's lane there."""
         through = [hint for hint in actor.through if (actor.key, "{}_{}".format(*hint)) not in self._used_lanes]
         here = [hint for hint in (*through, actor.target) if hint and hint[0] == lane.rpartition("_")[0]]
         if here and lane != "{}_{}".format(*here[0]):

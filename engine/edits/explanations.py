@@ -539,7 +539,7 @@ def _is_superseded_by_plan(step: EditStep, key: int, result: SimulationResult) -
 
 
 def _sent_elsewhere(step: EditStep, plan: DrivePlan, targets: frozenset[int]) -> bool:
-    """Return True if a later edit sends a vehicle, whose last plan is given, away from an edit's targets."""
+    """Return True if a later edit sends a vehicle away from an edit's targets; ``plan``: its last plan."""
     key = plan.start.obstacle_id
     own = step.changes.driven[key]
     lane_changes = [one for one in own.manoeuvres if one.lanes_left and one.from_step == step.since.get(key)]

@@ -186,8 +186,8 @@ def resolve_class(word: str | None, *, on_foot: bool = False) -> VehicleClass:
         on_foot: whether the edit also takes pedestrians, so that refusals list them.
 
     Raises:
-        InvalidRequest: no word.
-        UnknownName: no such class.
+        InvalidRequest: there is no word.
+        UnknownName: there is no such class.
         NotPossible: the word means a pedestrian, which is not a vehicle.
     """
     classes = vehicle_classes()
@@ -279,7 +279,7 @@ def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehicl
 
 
 def _side_of(edit: Edit) -> int:
-    """Return 1 if the edit places a vehicle ahead of another one in its lane, -1 if behind it, otherwise 0."""
+    """Return 1 if the edit places a vehicle ahead of another in its lane, -1 if behind it, otherwise 0."""
     offset_m = edit.gap_s if edit.offset_m is None else edit.offset_m
     return 0 if not offset_m else 1 if offset_m > 0 else -1
 

@@ -633,7 +633,7 @@ class SiteFocus:
         return sum(passed) if passed[0] else 0
 
     def is_on_spot(self, car: GeneratedVehicle, last_step: int) -> bool:
-        """Return whether the car is inside a junction that the site was made of by the step; True at other sites."""
+        """Return whether the car passes a junction that is the site, up to a step; True at other sites."""
         from shapely import contains_xy
 
         if self._spot is None:

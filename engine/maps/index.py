@@ -208,7 +208,7 @@ class MapMatch:
 
     @property
     def box(self) -> Box | None:
-        """The box to search: around ``area``, and within the part of a fetched map whose roads are complete.
+        """The box to search: around ``area``, and within the part of a fetched map with complete roads.
 
         The box is None if neither limits it. If they don't overlap, it is the part with complete roads.
         """
@@ -948,7 +948,7 @@ def _read_road(
 
 
 def _as_roads(part: str, roads: tuple[str, ...]) -> _Reading:
-    """Return a reading of the text as these roads."""
+    """Return a reading of the text as the given roads."""
     exact = {fold(name) for name in roads} == {fold(part)}
     more = f" and {len(roads) - _SHOWN_ROADS} more" * (len(roads) > _SHOWN_ROADS)
     taken = f"{part!r} is read as {cited_all(roads[:_SHOWN_ROADS], ' or ')}{more}"
@@ -1002,7 +1002,7 @@ def _read_roads_of_crossing(text: str, facts: MapFacts) -> _Reading | None:
 
 
 def _read_other_kind(part: str, facts: MapFacts) -> _Reading | None:
-    """Read the text as a road with that name but of a different kind.
+    """Read the text as a road with the same name but of a different kind.
 
     A number is not a name: ``5th Street`` is not ``5th Avenue``.
     """

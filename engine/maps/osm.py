@@ -83,7 +83,7 @@ class OsmWay:
 
     @cached_property
     def is_for_cars(self) -> bool:
-        """Whether its access tags leave it open to cars in at least one direction."""
+        """Whether the way's access tags leave it open to cars in at least one direction."""
         return is_for_cars(self.tags)
 
 

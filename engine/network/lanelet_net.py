@@ -81,7 +81,7 @@ def net_over_lanelets(
 
 
 def lights_begin_at(net: bytes, elapsed_s: float) -> bytes:
-    """Return a net whose lights are in their initial states after the given simulated time."""
+    """Return a net with its lights in their initial states after the given simulated time."""
     root = etree.fromstring(net)
     for logic in root.iterfind("tlLogic"):
         logic.set("offset", f"{elapsed_s:g}")

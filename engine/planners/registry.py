@@ -246,7 +246,7 @@ def check_world(planner: str, world: World) -> None:
 
     Raises:
         InvalidRequest: The planner is a program with the protocol one_shot.
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
     """
     folded = known_planner(planner)
     if world.is_perfect or folded in PLANNERS:

@@ -105,7 +105,7 @@ def simulate(
     """Run a planner on a planning problem until the judge ends it.
 
     A problem that no planner can solve (initial collision, off the road, no route, too little time) ends as ``invalid``
-    with a code and without a plan. The traffic is the recorded one by default; reactive traffic must be at the ego's
+    with a code and without a plan. The traffic is recorded by default; reactive traffic must be at the ego's
     first step. ``vehicle``: the ego's vehicle; None selects the configuration's car. In an imperfect ``world`` the
     planner gets what its sensors report, with random numbers from ``seed``; the judge sees the truth. ``is_over``:
     called after every step that the judge does not end; True stops the run without a verdict.
@@ -228,13 +228,13 @@ class _Loop:
 
 
 def _believed(ego: EgoState, error: PoseError) -> EgoState:
-    """Return the ego where it believes to be."""
+    """Return the ego's state with the pose that it believes to have."""
     position = error.believed(ego.position, ego.position)
     return replace(ego, position=position, heading_rad=ego.heading_rad + error.turn_rad)
 
 
 def _true_motion(plan: PlannedTrajectory, ego: EgoState, error: PoseError) -> PlannedTrajectory:
-    """Return the motion of a vehicle that follows a plan from its true pose instead of the one that it believes."""
+    """Return the motion of a vehicle that follows a plan from its true pose instead of the believed pose."""
     positions, headings = error.true(plan.positions, ego.position), plan.headings_rad - error.turn_rad
     return replace(plan, positions=positions, headings_rad=headings)
 

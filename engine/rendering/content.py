@@ -395,7 +395,7 @@ class Viewport:
 
     @property
     def middle(self) -> Points:
-        """Its middle, shape (2,)."""
+        """The viewport's middle, shape (2,)."""
         return np.array([self.x_min + self.x_max, self.y_min + self.y_max]) / 2
 
     @classmethod

@@ -49,7 +49,7 @@ class Inventory:
     def of(
         cls, views: Sequence[ScenarioView], viewports: Sequence[Viewport], steps: Sequence[int] | None = None
     ) -> "Inventory":
-        """Return the content of these views at their own step, or at any of ``steps`` if given."""
+        """Return the content of the given views at their own step, or at any of ``steps`` if given."""
         kinds, signals = set(), set()
         runs: dict[int, str] = {}
         stop_lines = collision = False

@@ -100,7 +100,7 @@ def differences(before: PlannerConfiguration, after: PlannerConfiguration) -> tu
 
 
 def _names_elsewhere() -> dict[str, str]:
-    """Map names to the explanation why a planner has no such weight, such as that it belongs to other planners."""
+    """Return, by name, the reason why a planner has no such weight, such as that other planners have it."""
     owners: dict[str, list[str]] = {}
     for other in PLANNERS:
         tuning = tuning_of(other)

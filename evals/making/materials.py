@@ -53,7 +53,7 @@ class Condition:
         self.slot, self.value, self.words, self._holds = slot, value, words, holds
 
     def __call__(self, facts: ScenarioFacts) -> bool:
-        """Return whether it is satisfied."""
+        """Return whether the scenario satisfies the condition."""
         return bool(self._holds(facts))
 
 

@@ -91,7 +91,7 @@ class RoadUser:
 
     @property
     def first(self) -> State:
-        """Its first state."""
+        """The road user's first state."""
         return self.states[min(self.states)]
 
     @property

@@ -137,7 +137,7 @@ def _is_likely_misspelling(word: str, name: str) -> bool:
 
 @dataclass(frozen=True)
 class NextCall:
-    """A whole call; ``changed`` lists the differences from the refused one, by path (None if removed).
+    """A whole call; ``changed`` lists the differences from the refused call, by path (None if removed).
 
     ``dropped`` lists what the refused call has and this one lacks, so that the text can say so.
     """

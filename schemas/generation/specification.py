@@ -174,7 +174,7 @@ class LaneletGoal:
 
 
 def _nearest_goals(text: str) -> list[str]:
-    """Return the goal that an invalid one probably means: a turn without its form, or the nearest number."""
+    """Return the goal that an invalid text probably means: a turn without its form, or the nearest number."""
     if (turn := text.strip().lower().replace(" ", "_")) in get_args(Turn):
         return [f"{THROUGH}:{turn}"]
     for form, least, most in (("steps", 10, 1000), ("distance_m", 5, 2000)):

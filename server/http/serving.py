@@ -65,7 +65,7 @@ READY_KEPT_S = 1.0
 
 
 class HttpServer:
-    """MCP over HTTP for these settings, with access control and limits.
+    """MCP over HTTP for the given settings, with access control and limits.
 
     Args:
         server: the server.

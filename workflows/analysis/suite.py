@@ -308,7 +308,7 @@ def _is_unpreventable(review: RunReview) -> bool:
 async def _compared(
     name: str, records: Sequence[RunRecord], baseline: _Baseline, context: WorkflowContext
 ) -> tuple[SuccessTest, tuple[str, ...]]:
-    """Return the paired test of these runs against a baseline, and the scenarios that only the baseline solved."""
+    """Return the paired test of the runs against a baseline, and the scenarios that only the baseline solved."""
     before = baseline.of(name)
     now = run_sources((record.run_id for record in records), context)
     if not before or not now:

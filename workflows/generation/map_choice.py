@@ -94,7 +94,7 @@ class SiteAssignment:
 def plan_maps(spec: GenerationSpec, maps: Sequence[MapEntry], closeness: Closeness = Closeness.PART) -> GenerationPlan:
     """Return the maps for a call, without those that lack the requested type if another map has it.
 
-    The seed rotates them, so that another seed gives another map if several fit.
+    The seed rotates the order of the maps, so that another seed gives another map if several fit.
 
     Raises:
         UnknownName: no map contains the place, country or box.
@@ -337,7 +337,7 @@ def _names_real_place(spec: GenerationSpec) -> bool:
 async def _downloaded_or_local(
     spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry], refusal: UnknownName
 ) -> GenerationPlan:
-    """Return a downloaded map or, if that is not possible, one downloaded for another request that contains the place.
+    """Return the plan with a downloaded map or, if that is impossible, with local maps that contain the place.
 
     If the online services do not know the words or are not available, the words may refer to a part of a local map.
     ``refusal`` is the reason why no local map matches.

@@ -61,7 +61,7 @@ class Settlement:
         return frozenset(key for name in self.names for key in place_keys(name))
 
     def reach_m(self, *, wide: bool = False) -> float:
-        """Return its radius in m: the radius of a disc with its inhabitants at the density of an urban centre.
+        """Return the settlement's radius in m: that of a disc with its inhabitants at an urban centre's density.
 
         ``wide``: use the density of an urban cluster, which includes its outskirts and exits.
         """
@@ -93,7 +93,7 @@ def settlement_around(position: tuple[float, float], *, beyond_m: float = 0.0) -
 
 
 def country_of_nearest(position: tuple[float, float], countries: Iterable[str]) -> str | None:
-    """Return which of these countries (ISO 3166-1 alpha-3) has a settlement much nearer to a position than the others.
+    """Return the country, of those given (ISO 3166-1 alpha-3), with settlements by far nearest to a position.
 
     The nearest settlements of the others must be more than ``_DOUBT`` times as far away. The result is None if they
     are not, or if no country has a settlement within ``_MOST_REACH_DEG``.

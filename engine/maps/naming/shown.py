@@ -142,7 +142,7 @@ def _is_on(bounds: Box, settlement: Settlement) -> bool:
 
 
 def _addressed(osm: OsmMap, keys: tuple[str, ...]) -> list[str]:
-    """Return the values of these address tags, tag by tag, most frequent first."""
+    """Return the values of the given address tags, tag by tag, most frequent first."""
     counted: dict[str, Counter[str]] = {key: Counter() for key in keys}
     for tags in _all_tags(osm):
         for key in keys:

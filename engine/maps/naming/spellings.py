@@ -195,7 +195,7 @@ def _table() -> dict[str, Any]:
 
 
 def words_for_crossings() -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the words that languages use between the two roads of an intersection, and before the two roads."""
+    """Return the words of all languages between the two roads of an intersection, and those before both roads."""
     return tuple(_table()["joining"]), tuple(_table()["corners"])
 
 

@@ -33,7 +33,7 @@ class KeptAnswer(Generic[_Read]):
 
     @property
     def age_s(self) -> float:
-        """Its age in s. An answer dated in the future, after a clock was set back, counts by its distance from now."""
+        """The answer's age in s."""
         return abs(time.time() - self.asked_at)
 
 

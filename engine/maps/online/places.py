@@ -130,7 +130,7 @@ class _Search:
         return crossings or (found[0] if town else [])
 
     def within(self, roads: Sequence[str], town: str) -> list[NamedPlace]:
-        """Return a town with roads of names that Nominatim does not know but the map may have."""
+        """Return the settlements of a name, with the roads, which Nominatim does not know but the map may have."""
         hints = tuple((road,) for road in roads)
         return [place.model_copy(update={"roads": hints}) for place in self.find(town) if place.is_settlement]
 

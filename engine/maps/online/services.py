@@ -392,7 +392,7 @@ def _host_of(url: str) -> str:
 
 @contextmanager
 def _osmnx_set_up(services: MapServices, url: str, report_size: Callable[[int], None]) -> Iterator[None]:
-    """Apply these settings to osmnx for one service; restore osmnx's own settings afterwards."""
+    """Apply the settings to osmnx for one service; restore osmnx's own settings afterwards."""
     from osmnx import settings
 
     deadline = time.monotonic() + services.timeout_s + CONNECT_S

@@ -591,7 +591,7 @@ def _merged(spots: list[_Spot]) -> list[Site]:
 
 
 def _site_of(kind: SiteType, parts: tuple[SitePart, ...], positions: Sequence[tuple[float, float]]) -> Site:
-    """Return a site made of these parts, at the middle of their positions and marked by the first part."""
+    """Return a site made of the given parts, at the middle of their positions and marked by the first part."""
     streets = tuple(sorted({street for part in parts for street in part.streets}))
     return Site(kind, *_middle(positions), streets, parts[0].mark, parts)
 

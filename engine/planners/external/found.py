@@ -163,7 +163,7 @@ def found_planners(built_in: Collection[str]) -> dict[str, Found]:
 
 @contextmanager
 def programs_named(commands: Mapping[str, CommandPlanner]) -> Iterator[None]:
-    """Register these programs as planners while the block runs, in this process and in those that it starts."""
+    """Register the given programs as planners while the block runs, in this process and in those that it starts."""
     before = os.environ.get(PLANNERS_VARIABLE)
     if commands:
         os.environ[PLANNERS_VARIABLE] = _COMMANDS.dump_json(dict(commands)).decode()
@@ -178,7 +178,7 @@ def programs_named(commands: Mapping[str, CommandPlanner]) -> Iterator[None]:
 
 @contextmanager
 def registered_objects(planners: Mapping[str, PlannerObject]) -> Iterator[None]:
-    """Register these objects as planners while the block runs, only in this process."""
+    """Register the given objects as planners while the block runs, only in this process."""
     known = _planners_of_process()
     named = {
         _fold_name(name): Found(_fold_name(name), "object of this process", here=one) for name, one in planners.items()

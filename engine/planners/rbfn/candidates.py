@@ -191,7 +191,7 @@ class Candidates:
         return len(self.known)
 
     def part(self, rows: slice) -> "Candidates":
-        """Return the candidates in these rows."""
+        """Return the candidates in the given rows."""
         motions = Motions(*(values[rows] for values in _arrays(self.motions)))
         return Candidates(motions, *(values[rows] for values in _arrays(self)[1:]))
 

@@ -91,7 +91,7 @@ class Seen:
 
     @property
     def is_in_way(self) -> bool:
-        """True if it is in the path, ahead of the driver or alongside its front."""
+        """True if the road user is in the path, ahead of the driver or alongside its front."""
         return self.aside_m <= 0 and not self.is_passed
 
     @property

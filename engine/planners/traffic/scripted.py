@@ -96,11 +96,11 @@ class ScriptedActor:
 
     @property
     def driven(self) -> Track | None:
-        """Its motion up to the present step; None before it is present."""
+        """The actor's motion up to the present step; None before it is present."""
         return None if self._grown is None else self._grown.track()
 
     def state_at(self, step: int) -> tuple[Points, float, float] | None:
-        """Return its centre (2,), heading and speed at a step, or None if it is absent."""
+        """Return the actor's centre (2,), heading and speed at a step, or None if it is absent."""
         track = self.driven
         index = None if track is None else track.index_at(step)
         if track is None or index is None:
@@ -132,7 +132,7 @@ class ScriptedActor:
 
     @property
     def _waits(self) -> bool:
-        """True if it stands until a trigger lets it set off."""
+        """True if the actor stands until a trigger lets it set off."""
         return any(part.trigger is not None and not part.acts for part in self._pending)
 
     def _set_off(self, ego: _Ego, place: Points) -> None:

@@ -269,7 +269,7 @@ def _meet(lanelet: "Lanelet", following: "Lanelet") -> bool:
 
 
 class _Corners:
-    """The corners of lanelets, where bounds start and end: one point for all that meet, and level across a road."""
+    """The corners of lanelets, where bounds start and end; corners that meet become one point, level across a road."""
 
     def __init__(
         self, lanelets: "Mapping[int, Lanelet]", meeting: "set[tuple[int, int]]", groups: "Sequence[tuple[int, ...]]"
