@@ -271,7 +271,7 @@ def _check(space: SearchSpace, scenario_id: str, planner: str) -> None:
         )
     if not space.strata:
         raise NotPossible(
-            f"nothing in {scenario_id} can be varied plausibly: no road user comes near, and none can be added",
+            f"nothing in {scenario_id} can be varied plausibly: no road user comes near, and no road user can be added",
             reason="no_variation",
             next_step="choose a scenario with more room or traffic",
         )

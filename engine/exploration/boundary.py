@@ -51,7 +51,8 @@ class Cell:
     @property
     def area(self) -> float:
         """The share of the whole square."""
-        return (self.size / SIZE) ** 2
+        share = self.size / SIZE
+        return share * share
 
     def halves(self) -> tuple["Cell", ...]:
         """Return the four cells that it splits into."""

@@ -39,7 +39,7 @@ from .shrinking import Trials, minimal_subset, nearest_values, smallest
 from .spaces import NominalMotion, SpaceBuilder, is_feasible, values_at
 
 SAFE_GAP_M, SAFE_TTC_S = 15.0, 5.0
-"""A larger gap or time to collision is as good as none (chosen): critical times to collision are below 3 s."""
+"""Larger gaps and times to collision are not critical (chosen): critical times to collision are below 3 s."""
 UNAVOIDABLE = 0.25
 """The score of a failure that no careful driver avoids (chosen): a milder point next to it may be avoidable."""
 _FASTEST_MPS = 30.0

@@ -1,7 +1,7 @@
 """Spaces that a scenario offers to a search: who can come near the ego, and what they could plausibly do.
 
-Each stratum is a logical scenario with one counterpart and one manoeuvre: a recorded road user that brakes, changes its
-speed, comes earlier or later, changes into the ego's lane, swerves or comes over; or an added one: a pedestrian or
+Each stratum is a logical scenario with one counterpart and one manoeuvre. A recorded road user brakes, changes its
+speed, comes earlier or later, changes into the ego's lane, swerves or comes over. An added one is a pedestrian or
 cyclist who crosses, a cyclist or standing car ahead, a car ahead that brakes, a car that cuts in, comes over, crosses
 or merges. Its motion is timed by the planner's own drive through the unchanged base (the nominal motion), because an
 actor that is timed by the ego's initial speed misses an ego that slows down.
