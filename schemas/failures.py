@@ -216,10 +216,14 @@ _MOST_FAILURES, _MOST_STRATA = 6, 12
 """How many failures and strata the text lists (chosen for an answer below 600 tokens)."""
 
 
+_CAREFUL = ("r157_careful", "fsm")
+"""The reference drivers that make a failure avoidable."""
+
+
 def _lines(failure: FoundFailure) -> Iterator[str]:
     """Yield a failure: what was changed and its run, then how it ended and what it needs."""
     yield f"{failure.run_id} on {failure.scenario_id}: {failure.change}"
-    drivers = ", ".join(failure.prevented_by[:2])
+    drivers = " and ".join(name for name in failure.prevented_by if name in _CAREFUL)
     shrunk = failure.shrunk
     reduced = (
         ""

@@ -212,7 +212,7 @@ class _Search:
                 edits=reduced.edits,
                 road_users_before=reduced.road_users_before,
                 road_users=reduced.road_users,
-                needed=tuple(f"{name} {reduced.values[name]:g} {units[name]}".rstrip() for name in reduced.needed),
+                needed=tuple(f"{name} {reduced.values[name]:.3g} {units[name]}".rstrip() for name in reduced.needed),
                 runs=reduced.runs,
                 is_minimal=reduced.is_minimal,
             )

@@ -1,12 +1,14 @@
 """What the parts of the benchmark share: folder of public scenarios, seeds and sample sizes."""
 
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
+from plannerforge.schemas.failures import SearchSpace
+
 from ..harness import existing, shared_scenarios
-from .cases import bases
+from .cases import Case, bases
 
 TUNED_ON = ("DEU_Lohmar-32_1_T-1", "BEL_Antwerp-14_3_T-1", "ESP_Bilbao-6_9_T-1", "USA_US101-26_1_T-1")
 """Scenarios that were looked at while strata and scores were made; nothing is reported on them."""
@@ -21,6 +23,15 @@ class FailuresBench:
     first_seed: int
     count: int
     runs: int
+    _spaces: dict[tuple[Path, str], SearchSpace] = field(default_factory=dict)
+
+    def case(self, path: Path, planner: str, weakness: str = "") -> Case:
+        """Return a case; the space of a base and planner is derived once."""
+        case = Case(path, planner, weakness)
+        if (path, planner) in self._spaces:
+            case.space = self._spaces[path, planner]
+        self._spaces[path, planner] = case.space
+        return case
 
     @classmethod
     def options(cls, text: str | None) -> ArgumentParser:

@@ -15,7 +15,6 @@ from statistics import fmean
 
 from ..harness import Figures
 from .bench import FailuresBench
-from .cases import Case
 from .peers import SEARCHES, cells_after, searched
 
 _WEAKNESSES = ("blind_on_the_left", "blind_to_crossing", "slow_to_notice", "blind_to_slow")
@@ -28,7 +27,7 @@ def measure(bench: FailuresBench) -> Figures:
     shares, cases = [], 0
     for number, path in enumerate(bench.idm_bases):
         for planner, weakness in (("idm", _WEAKNESSES[number % len(_WEAKNESSES)]), ("fiss", "")):
-            case = Case(path, planner, weakness)
+            case = bench.case(path, planner, weakness)
             if not case.strata or case.evaluator.evaluate(()).has_failed:
                 sys.stderr.write(f"{path.stem} {planner} {weakness}: no base\n")
                 case.close()

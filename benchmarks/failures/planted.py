@@ -64,7 +64,7 @@ def _found(
 def _case(bench: FailuresBench, weakness: str, scanned: int, *, rare: bool) -> Case | None:
     """Return the first base in which the weakness can be reached; for a rare one, rarely enough."""
     for path in bench.idm_bases:
-        case = Case(path, "idm", weakness)
+        case = bench.case(path, "idm", weakness)
         if case.strata and not case.evaluator.evaluate(()).has_failed:
             hits, runs = _scan(case, scanned, to_first=not rare)
             if hits and (not rare or hits / runs <= 0.002):

@@ -41,7 +41,7 @@ def measure(bench: FailuresBench) -> Figures:
     """Search each case once, and judge the first failure of each cell."""
     reproduced, plausible, users, runs, same = [], [], [], [], []
     for number, path in enumerate(bench.idm_bases):
-        case = Case(path, "idm", _WEAKNESSES[number % len(_WEAKNESSES)])
+        case = bench.case(path, "idm", _WEAKNESSES[number % len(_WEAKNESSES)])
         if not case.strata or case.evaluator.evaluate(()).has_failed:
             case.close()
             continue
