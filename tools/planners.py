@@ -1,7 +1,6 @@
-"""The planner tools: list settings, create configurations, run, and search for better configurations and failures."""
+"""The planner tools: list settings, create configurations, run, and search for better configurations."""
 
 from ..schemas.analysis.optimization import OptimizePlannerArguments, OptimizePlannerResult
-from ..schemas.failures import FindFailuresArguments, FindFailuresResult
 from ..schemas.planning import (
     ConfigurePlannerArguments,
     ConfigurePlannerResult,
@@ -10,7 +9,7 @@ from ..schemas.planning import (
     RunPlannerArguments,
     RunPlannerResult,
 )
-from ..workflows import failures, planners
+from ..workflows import planners
 from ..workflows.analysis import optimization
 from .call import ToolCall
 
@@ -38,11 +37,3 @@ async def run_planner(arguments: RunPlannerArguments, call: ToolCall) -> RunPlan
 async def optimize_planner(arguments: OptimizePlannerArguments, call: ToolCall) -> OptimizePlannerResult:
     """Search for a better configuration, or find out which weights matter."""
     return await optimization.optimize_planner(arguments, call)
-
-
-async def find_failures(arguments: FindFailuresArguments, call: ToolCall) -> FindFailuresResult:
-    """Search for changes of a scenario in which a planner fails and a careful driver would not."""
-    result = await failures.find_failures(arguments, call)
-    if result.search is not None:
-        call.shows(*(failure.run_id for failure in result.search.failures))
-    return result

@@ -131,7 +131,7 @@ TOOLS: tuple[ToolSpec, ...] = (
     ),
     ToolSpec("compare_results", "Compare results", "results", read_only=True, trial=(), view="board", looks=(_RUNS,)),
     ToolSpec(
-        "find_failures", "Find failures", "planners", essential=False, view="board", looks=(_SCENARIOS, _PLANNERS)
+        "find_failures", "Find failures", "exploration", essential=False, view="board", looks=(_SCENARIOS, _PLANNERS)
     ),
     ToolSpec("optimize_planner", "Optimise a planner", "planners", essential=False, looks=(_PLANNERS,)),
     ToolSpec("explore_boundary", "Map a boundary", "exploration", essential=False, looks=(_PLANNERS,)),

@@ -97,7 +97,7 @@ class Weak:
 
     def __init__(self, healthy: Planner, weakness: str) -> None:
         self._healthy, self._weakness = healthy, weakness
-        self._sight = (COMMON | RARE).get(weakness)
+        self._sight = {**COMMON, **RARE}.get(weakness)
         self._delay_s = DELAYED.get(weakness, 0.0)
 
     def reset(self, task: PlanningTask) -> None:
