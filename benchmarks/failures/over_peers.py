@@ -4,9 +4,9 @@ Cells are fixed by the product's archive: counterpart and manoeuvre, contact, sp
 IDM drives with a weakness that each base shows, because healthy IDM has nearly no failure that a careful driver avoids;
 FISS drives as it is.
 
-Keys: ``over_best_peer`` (mean distinct failures of ours over those of the best peer, in which 0 counts as 1),
-``cells_ours``, ``cells_PEER``, ``cells_150`` (share of the union of all cells that any search found in a case, which
-ours finds in 150 runs), ``over_cases`` and ``over_runs``.
+Keys: ``over_best_peer`` (mean distinct failures of ours over those of the best peer, in which 0 counts as 1);
+``cells_ours``, ``cells_PEER``; ``over_cases``, ``over_runs``. ``cells_150`` is the share of all cells found in a case, by any
+search, that ours finds in 150 runs.
 """
 
 import sys

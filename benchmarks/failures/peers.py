@@ -138,7 +138,7 @@ _MOST_TRIED = 10
 
 
 def searched(name: str, strata: Sequence[Stratum], seed: int, judge: Judge, runs: int) -> list[tuple[Point, Judged]]:
-    """Return the points of a search until it has used its runs; implausible ones cost none."""
+    """Return the points of a search until it has used its runs; implausible points cost no run."""
     found: list[tuple[Point, Judged]] = []
     used = 0
     for point, judged in SEARCHES[name](strata, seed, judge):

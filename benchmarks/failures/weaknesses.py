@@ -45,7 +45,7 @@ def _as_standing(ego: EgoState, other: PredictedObstacle) -> PredictedObstacle:
 
 
 def _as_faster(ego: EgoState, other: PredictedObstacle) -> PredictedObstacle:
-    """It seems to keep at least 9 m/s along its heading, so that nobody brakes or stands."""
+    """It seems to keep at least 9 m/s along its heading, so that no vehicle brakes or stands."""
     del ego
     count, heading = len(other.positions), float(other.headings_rad[0])
     ahead = np.arange(count)[:, None] * 0.1 * max(other.speed_mps, 9.0)

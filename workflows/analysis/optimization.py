@@ -690,7 +690,7 @@ def _divided(scenarios: Sequence[ChosenScenario], roots: Mapping[str, str], seed
         notes = ("all scenarios are in one place, so its maps were split; they may be alike",)
     if len(groups) < 2:
         raise NotPossible(
-            f"all scenarios ({len(scenarios)}) are on one map, so none can be held out",
+            f"all scenarios ({len(scenarios)}) are on one map, so no map can be held out",
             next_step="use scenarios of several places, for instance preset:100",
         )
     choice = random.Random(seed)  # noqa: S311 - not a secret
