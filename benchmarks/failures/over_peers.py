@@ -5,8 +5,8 @@ IDM drives with a weakness that each base shows, because healthy IDM has nearly 
 FISS drives as it is.
 
 Keys: ``over_best_peer`` (mean distinct failures of ours over those of the best peer, in which 0 counts as 1);
-``cells_ours``, ``cells_PEER``; ``over_cases``, ``over_runs``. ``cells_150`` is the share of all cells found in a case, by any
-search, that ours finds in 150 runs.
+``cells_ours``, ``cells_PEER``; ``over_cases``, ``over_runs``. ``cells_150`` is the share of all cells found in a case,
+by any search, that ours finds in 150 runs.
 """
 
 import sys
