@@ -44,6 +44,23 @@ class Parameter(Model):
         """The value of an ordinary encounter, by default the middle of the range."""
         return (self.low + self.high) / 2 if self.base is None else self.base
 
+    @property
+    def quantity(self) -> str:
+        """The name as words, without its unit: ``ego speed`` for ``ego_speed_mps``."""
+        words = self.name.split("_")
+        if len(words) > 1 and words[-1] == self.unit.replace("/", "p").replace("²", "2"):
+            words.pop()
+        return " ".join(words)
+
+    @property
+    def title(self) -> str:
+        """The quantity with its unit, such as ``ego speed (m/s)``."""
+        return f"{self.quantity} ({self.unit})" if self.unit else self.quantity
+
+    def stated(self, value: float) -> str:
+        """Return a value as text, such as ``ego speed 13.9 m/s``."""
+        return f"{self.quantity} {value:.3g} {self.unit}".rstrip()
+
     def at_share(self, share: float) -> float:
         """Return the value at a share of the range, from 0 to 1."""
         return self.low + (self.high - self.low) * share

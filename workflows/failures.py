@@ -205,14 +205,14 @@ class _Search:
             request = ShrinkRequest(setting=self.setting, stratum=stratum, point=best.point, recorded=space.recorded)
             reduced = await self.context.run(SHRINK_FAILURE, request)
             small_id, small_run = await self.store(reduced.edits)
-            units = {parameter.name: parameter.unit for parameter in stratum.parameters}
+            parameters = {parameter.name: parameter for parameter in stratum.parameters}
             shrunk = ShrunkFailure(
                 scenario_id=small_id,
                 run_id=small_run,
                 edits=reduced.edits,
                 road_users_before=reduced.road_users_before,
                 road_users=reduced.road_users,
-                needed=tuple(f"{name} {reduced.values[name]:.3g} {units[name]}".rstrip() for name in reduced.needed),
+                needed=tuple(parameters[name].stated(reduced.values[name]) for name in reduced.needed),
                 runs=reduced.runs,
                 is_minimal=reduced.is_minimal,
             )
@@ -220,7 +220,7 @@ class _Search:
             parameter.name: round(parameter.at_share(share), 4)
             for parameter, share in zip(stratum.parameters, best.point.shares, strict=True)
         }
-        written = ", ".join(f"{one.name} {values[one.name]:.3g} {one.unit}".rstrip() for one in stratum.parameters)
+        written = ", ".join(one.stated(values[one.name]) for one in stratum.parameters)
         return FoundFailure(
             scenario_id=scenario_id,
             run_id=run_id,

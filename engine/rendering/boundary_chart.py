@@ -50,7 +50,7 @@ def boundary_chart(record: BoundaryRecord) -> Drawing:
         words.append(_in_words(one))
     shown = list(dict.fromkeys(point.evaluation.outcome for one in maps for point in one.points))
     across, up = record.axes
-    subtitle = f"{record.scenario.summary} ({across.name} × {up.name})"
+    subtitle = f"{record.scenario.summary}: {across.title} × {up.title}"
     write_title(figure, f"Boundary: {record.scenario.name}", shortened(subtitle, width_px // 8))
     write_legend(figure, 0.012, 4 if columns > 1 else 2, handles=_legend(shown, record))
     return Drawing(figure, f"Boundary of {record.scenario.name}: {subtitle}. {' '.join(words)}")
@@ -84,8 +84,8 @@ def _draw(axes: "Axes", record: BoundaryRecord, one: BoundaryMap) -> None:
             axes.scatter(
                 x, y, s=11 if mark == "o" else 18, marker=mark, c=colour, linewidths=0.7, clip_on=False, zorder=4
             )
-    axes.set_xlabel(f"{first.name.replace('_', ' ')} ({first.unit})" if first.unit else first.name)
-    axes.set_ylabel(f"{second.name.replace('_', ' ')} ({second.unit})" if second.unit else second.name)
+    axes.set_xlabel(first.title)
+    axes.set_ylabel(second.title)
     at = ", ".join(f"{name} {value:g}" for name, value in one.at.items())
     axes.set_title(shortened(f"{one.config_name}", 40), fontsize=SMALL_PT + 1.5, loc="left", pad=16)
     axes.text(0, 1.02, shortened(at, 60), transform=axes.transAxes, fontsize=SMALL_PT - 1, color=MUTED)
