@@ -135,6 +135,7 @@ class FindFailuresArguments(Arguments):
     wait_s: float = Field(45, ge=0, le=50)
     """How long to wait, in s. Afterwards the answer gives the job's id."""
     seed: int = 0
+    """The seed of the search."""
 
 
 class ShrunkFailure(Model):
@@ -143,8 +144,8 @@ class ShrunkFailure(Model):
     scenario_id: str
     run_id: str
     edits: tuple[Edit, ...] = Field(description="the edits of the base")
-    road_users_before: int
-    road_users: int
+    road_users_before: int = Field(description="road users of the failure")
+    road_users: int = Field(description="road users that are left")
     needed: tuple[str, ...] = Field((), description="parameters that matter, with their values")
     runs: int = Field(description="runs that the reduction took")
     is_minimal: bool = Field(True, description="whether no single road user can be left out")
@@ -164,20 +165,20 @@ class FoundFailure(Model):
     prevented_by: tuple[str, ...] = Field((), description="reference drivers that prevent it")
     found_after: int = Field(description="number of the run that found it")
     hits: int = Field(description="points of the search in this cell")
-    shrunk: ShrunkFailure | None = None
+    shrunk: ShrunkFailure | None = Field(None, description="the reduced failure; null without `shrink`")
 
 
 class FailureSearchRecord(Model):
     """A finished search: the base, the budget used, and the failures, one per cell in the order of finding."""
 
-    base_id: str
+    base_id: str = Field(description="id of the varied scenario")
     config_id: str
     config_name: str
     runs: int = Field(description="runs made")
     implausible: int = Field(description="proposals refused as implausible; they cost no run")
     unavoidable: int = Field(description="runs with a failure that no careful driver avoids")
     strata: tuple[str, ...] = Field(description="what was varied")
-    failures: tuple[FoundFailure, ...] = ()
+    failures: tuple[FoundFailure, ...] = Field((), description="the distinct failures")
 
 
 class FindFailuresResult(Result):

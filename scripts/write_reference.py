@@ -208,13 +208,14 @@ def _fields(model: type[BaseModel], schema: Schema) -> str:
 def meanings_of(model: type[BaseModel]) -> dict[str, str]:
     """Return the meaning and unit of each field of an answer, empty if unknown.
 
-    The sources are the field's description, the model's docstring (``name``: meaning, or a sentence that names the
-    field) and the fields of all answers.
+    The sources are the field's description and docstring, the model's docstring (``name``: meaning, or a sentence that
+    names the field) and the fields of all answers. Fields that answers leave out are not listed.
     """
-    described = _field_descriptions(_doc(model))
+    described = COMMON_FIELDS | _field_descriptions(_doc(model)) | field_docstrings(model)
     return {
-        name: _with_unit(name, field.description or described.get(name) or COMMON_FIELDS.get(name, ""))
+        name: _with_unit(name, field.description or described.get(name, ""))
         for name, field in model.model_fields.items()
+        if field.exclude is not True
     }
 
 
