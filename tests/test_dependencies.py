@@ -32,6 +32,7 @@ SHARED_NAMES = {"opentelemetry": {"sdk": "opentelemetry-sdk", "exporter": "opent
 """Top-level names that several packages share: which one a module below them is of, where it is not ``NAME-api``."""
 RUN_ELSEWHERE = {
     "benchmarks/analysis/crime_driver.py": "runs in the environment of CriMe, which is set beside our measures",
+    "benchmarks/failures/peers.py": "NSGA-II needs the package of benchmarks/failures/peers_requirements.txt",
     "benchmarks/maps/factory_driver.py": "runs in the other generator's environment, which a bench makes for it",
     "benchmarks/tuning/reference_driver.py": "runs in the environment of the loop that is set beside ours",
     **{

@@ -41,7 +41,7 @@ _CYCLES_MPS = (2.0, 5.5)
 """Speeds of cyclists, up to the largest of SUMO's bicycle, 5.6 m/s."""
 _LATERAL_S = (1.5, 4.0)
 """Durations of a lane change of others: UN R157's tests of cut-ins go down to 3.5 m at 3 m/s, drivers take 3 to 5 s."""
-_NEAR_M = 40.0
+_COMES_WITHIN_M = 40.0
 """A recorded road user counts if it comes as near as this to the nominal motion (chosen)."""
 _MOST_RECORDED = 5
 """Recorded road users that get strata, those that come nearest (chosen)."""
@@ -241,7 +241,7 @@ class SpaceBuilder:
             if not there.any() or track.obstacle_id not in self.scene.matches:
                 continue
             away = np.linalg.norm(track.positions[index[there]] - self.nominal.positions[there], axis=1)
-            if float(away.min()) <= _NEAR_M and track.index_at(first) is not None:
+            if float(away.min()) <= _COMES_WITHIN_M and track.index_at(first) is not None:
                 near.append((float(away.min()), track.obstacle_id, track))
         for _, _, track in sorted(near, key=lambda item: item[:2])[:_MOST_RECORDED]:
             yield from self._of_recorded(track)

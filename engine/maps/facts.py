@@ -30,7 +30,7 @@ from .unpacking import MAP_ENDINGS
 if TYPE_CHECKING:
     from shapely import Polygon, STRtree
 
-_NEAR_M = 25_000.0
+_SAME_AREA_M = 25_000.0
 """Maximum distance of a settlement in GeoNames from the map that shows it (chosen)."""
 MOST_STREETS = 10_000
 """Maximum number of street names, and of road numbers, in a map's facts, the longest roads first (chosen)."""
@@ -126,8 +126,8 @@ def _country_among(
 ) -> str | None:
     """Return the country of a map near the borders of these countries, or None if it is not certain.
 
-    It is the country of the map's place, if GeoNames has it in only one of them within ``_NEAR_M``, or the one with a
-    settlement much nearer to the map's middle and corners than the settlements of the others.
+    It is the country of the map's place, if GeoNames has it in only one of them within ``_SAME_AREA_M``. Otherwise it
+    is the one with a settlement much nearer to the map's middle and corners than the settlements of the others.
     """
     if len(near) < 2:
         return near[0] if near else None
@@ -136,7 +136,7 @@ def _country_among(
     called = {
         one.country
         for one in settlements_called(names[0] if names else "")
-        if ground_distance_m(middle, (one.latitude, one.longitude)) <= _NEAR_M
+        if ground_distance_m(middle, (one.latitude, one.longitude)) <= _SAME_AREA_M
     }
     if len(called) != 1:
         points = (middle, (south, west), (south, east), (north, west), (north, east))

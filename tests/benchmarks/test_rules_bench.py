@@ -27,7 +27,7 @@ def test_a_wrong_truth_is_noticed(capsys: pytest.CaptureFixture[str]) -> None:
     assert are_rules_reported(Case("R_G3", ego, [-2.0] * len(ego.x), limit_mps=10.0)) == (True, True)
     assert are_rules_reported(Case("R_G3", ego, [-3.0] * len(ego.x), limit_mps=10.0)) == (False, True)
     assert are_rules_reported(Case("R_G1", ego, [math.inf] * len(ego.x), limit_mps=10.0)) == (True, False)
-    assert "told to break R_G3 speed limit by 2 m/s" in capsys.readouterr().err
+    assert "told to break R_G3" in capsys.readouterr().err
 
 
 def test_the_crossing_has_all_features_of_a_case() -> None:

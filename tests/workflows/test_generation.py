@@ -36,7 +36,7 @@ async def test_no_site_is_used_twice_and_too_few_sites_give_fewer_scenarios(conn
         assert 0 < len(made) < 9
         assert len({(one["latitude"], one["longitude"]) for one in made}) == len(made)
         assert all("Ostallee" in one["site"] for one in made)
-        assert any(f"only {len(made)} different site" in note for note in answer["notes"])
+        assert any(f"only {len(made)} distinct site" in note for note in answer["notes"])
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ al. publish the law and the gain 2.5 of their vehicle; the softening is chosen.
 """
 _SPEED_PER_S, _STATION_PER_S2 = 2.0, 1.0
 """Feedback on speed and distance along the plan (chosen: critically damped, since 2.0² = 4 · 1.0)."""
-_STANDING_MPS = 0.05
+_HELD_BELOW_MPS = 0.05
 """A vehicle that should stand and is slower stands; the models creep otherwise."""
 _SAME_M = 1e-3
 """Wheelbases that differ by less are the same vehicle."""
@@ -217,7 +217,7 @@ class SimulatedVehicle:
         aim, push = self._late.popleft()
         limit = self._vehicle.maximum_steering_rad
         rate = (min(max(aim, -limit), limit) - steering) / self._period_s
-        if standing_mps < _STANDING_MPS and push <= 0:
+        if standing_mps < _HELD_BELOW_MPS and push <= 0:
             self._stand(rate)
             return
         self._integrate([rate, max(push, -standing_mps / self._period_s)])

@@ -146,7 +146,7 @@ def test_a_type_excluded_by_the_road_classes_is_refused_with_the_remaining_types
     with pytest.raises(NotPossible, match=f"has no .*{'any type' if kind == 'any' else kind}") as caught:
         fitting_sites(read_map_file(Path(request.map_path)), request)
     assert caught.value.valid == ()
-    made_of = "track only" in caught.value.message
+    made_of = "class track" in caught.value.message
     assert made_of == (kind != "highway"), "where the whole map holds none, the classes are not to blame"
 
 

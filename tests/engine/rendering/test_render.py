@@ -180,8 +180,8 @@ def test_real_scenarios_are_drawn(tmp_path: Path, shared_data: Path, name: str) 
 
 
 def test_every_kind_that_can_be_requested_is_drawn() -> None:
-    of_scenarios, of_a_study = {"auto", "picture", "animation"}, {"search"}
-    assert of_scenarios | of_a_study | set(CHARTS) == set(get_args(PictureKind))
+    of_scenarios, of_a_study, of_a_map = {"auto", "picture", "animation"}, {"search"}, {"boundary"}
+    assert of_scenarios | of_a_study | of_a_map | set(CHARTS) == set(get_args(PictureKind))
 
 
 def test_a_report_has_a_place_for_every_chart_and_for_the_run_from_above() -> None:
