@@ -463,6 +463,19 @@ def crossing_parts(text: str) -> list[str]:
     return [part.strip() for part in between.split(inner) if part.strip()]
 
 
+def _two_parts(text: str) -> Iterator[list[str]]:
+    """Yield the ways to read a text with several words or signs for an intersection as only two roads.
+
+    A word may belong to a name, such as the Portuguese *e* in ``A / Rua Vinte e Cinco de Julho``, so signs come first.
+    """
+    between, around = _crossing_patterns()
+    inner = around.sub("", text).strip()
+    joints = [joint for joint in between.finditer(inner) if joint.start() > 0 and joint.end() < len(inner)]
+    if len(joints) > 1:
+        for joint in sorted(joints, key=lambda joint: _CROSSING_SIGNS.search(joint[0]) is None):
+            yield [inner[: joint.start()].strip(), inner[joint.end() :].strip()]
+
+
 @cache
 def _crossing_patterns() -> tuple[re.Pattern[str], re.Pattern[str]]:
     """Return patterns for the words between the roads of an intersection, and for those before or after them."""
@@ -987,7 +1000,12 @@ def _read_roads_of_crossing(text: str, facts: MapFacts) -> _Reading | None:
 
     The town of the map still counts as a place: ``Main Street at Springfield`` has a road and a town.
     """
-    parts = crossing_parts(text)
+    readings = (_read_all_roads(parts, facts) for parts in (*_two_parts(text), crossing_parts(text)))
+    return next((reading for reading in readings if reading is not None), None)
+
+
+def _read_all_roads(parts: Sequence[str], facts: MapFacts) -> _Reading | None:
+    """Read each part as a road; return None if there is only one part, or a part is no road or is the map's town."""
     if len(parts) < 2 or any(not place_keys(part).isdisjoint(place_keys(facts.place)) for part in parts):
         return None
     reading = _Reading()

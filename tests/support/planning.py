@@ -39,7 +39,7 @@ LANE_WIDTH_M = 3.5
 
 def as_planned(monkeypatch: pytest.MonkeyPatch) -> None:
     """Drive Frenetix's plans unchanged, even if a vehicle cannot, in frames that are made anew for each path."""
-    monkeypatch.setattr(frenetix_core, "_frame", frenetix_core._frame.__wrapped__)
+    monkeypatch.setattr(frenetix_core, "kept_frame", frenetix_core.kept_frame.__wrapped__)
     for module in (safety, frenetix_planner):
         monkeypatch.setattr(module, "follow", lambda plan, *_: FollowedPlan(plan, 0.0, within_tyres=True))
 

@@ -80,7 +80,7 @@ class FrenetFrame:
 
         The last frames are kept, because a search repeats the same path, and the core takes long to make its system.
         """
-        return _frame(np.ascontiguousarray(path, dtype=np.float64).tobytes(), angle_rad)
+        return kept_frame(np.ascontiguousarray(path, dtype=np.float64).tobytes(), angle_rad)
 
     def inwards(self, points: Points) -> Points:
         """Convert world coordinates, shape (…, 2), to the frame."""
@@ -102,7 +102,8 @@ _KEPT = 4
 
 
 @lru_cache(maxsize=_KEPT)
-def _frame(path_bytes: bytes, angle_rad: float) -> FrenetFrame:
+def kept_frame(path_bytes: bytes, angle_rad: float) -> FrenetFrame:
+    """Return the frame of a path, given as the bytes of its points (n, 2); see :meth:`FrenetFrame.of`."""
     path = np.frombuffer(path_bytes, dtype=np.float64).reshape(-1, 2)
     origin = np.array(path[0])
     inner = np.ascontiguousarray((path - origin) @ _rotation(angle_rad))

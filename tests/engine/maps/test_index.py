@@ -197,6 +197,13 @@ def test_a_street_called_by_a_letter_is_not_dropped_from_a_crossing() -> None:
     assert crossed("Rua L", *streets) == (("Rua L",),)
 
 
+@pytest.mark.parametrize("between", [" / ", " e ", "/"])
+def test_a_word_for_a_crossing_inside_a_name_does_not_split_the_name(between: str) -> None:
+    streets = ("Avenida João Corrêa", "Rua 20", "Rua Cinco de Julho", "Rua Vinte e Cinco de Julho")
+    found = crossed(f"Av. João Corrêa{between}Rua Vinte e Cinco de Julho", *streets)
+    assert found == (("Avenida João Corrêa",), ("Rua Vinte e Cinco de Julho",))
+
+
 def test_a_road_s_other_name_counts_if_another_road_has_exactly_this_name() -> None:
     streets = ("Rua 1º de Maio", "Rua Primeiro de Maio", "Rua Azul", "6. Cadde", "6. Sokak")
     of_labour = crossed("Rua Primeiro de Maio", *streets)
