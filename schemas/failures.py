@@ -8,6 +8,7 @@ from .base import Answer, Arguments, Model, Result, first_of
 from .exploration import EncounterSetting, Evaluation, LogicalScenario
 from .jobs import JobState
 from .modification import Edit
+from .reviews import CAREFUL_DRIVERS
 from .runs import Prediction, Traffic
 from .text import counted
 
@@ -217,14 +218,10 @@ _MOST_FAILURES, _MOST_STRATA = 6, 12
 """How many failures and strata the text lists (chosen for an answer below 600 tokens)."""
 
 
-_CAREFUL = ("r157_careful", "fsm")
-"""The reference drivers that make a failure avoidable."""
-
-
 def _lines(failure: FoundFailure) -> Iterator[str]:
     """Yield a failure: what was changed and its run, then how it ended and what it needs."""
     yield f"{failure.run_id} on {failure.scenario_id}: {failure.change}"
-    drivers = " and ".join(name for name in failure.prevented_by if name in _CAREFUL)
+    drivers = " and ".join(name for name in failure.prevented_by if name in CAREFUL_DRIVERS)
     shrunk = failure.shrunk
     reduced = (
         ""

@@ -36,6 +36,8 @@ SeenCourse = Literal["same", "oncoming", "crossing", "standing"]
 
 DriverModelName = Literal["full_braking", "r157_careful", "fsm", "rss", "keep_lane"]
 """Reference drivers that are driver models; for each, there is also a planner of the same name."""
+CAREFUL_DRIVERS: tuple[DriverModelName, ...] = ("r157_careful", "fsm")
+"""The drivers that make a failure avoidable if one of them prevents it: UN R157's careful and fuzzy drivers."""
 ReferenceDriverName = Literal[DriverModelName, "evading"]
 """Drivers in the ego's place: full braking, UN R157's careful and fuzzy drivers, RSS, keeping lane and speed, and
 steering aside by a lane's width (``docs/reference_drivers.md``)."""
@@ -89,7 +91,7 @@ class Prevention(Model):
         """Whether UN R157's careful or fuzzy driver prevents the collision from both starts."""
         if not self.drivers:
             return self.by_careful_driver or self.by_fuzzy_driver
-        return any(self.prevented_by(name, "both") for name in ("r157_careful", "fsm"))
+        return any(self.prevented_by(name, "both") for name in CAREFUL_DRIVERS)
 
     def prevented_by(self, driver: ReferenceDriverName, start: Literal["before_contact", "start", "both"]) -> bool:
         """Return whether a driver prevents the collision from a start, or from both."""
@@ -137,7 +139,7 @@ class Prevention(Model):
             if verdict.start == "start" and verdict.prevents == prevents and verdict.driver != "evading"
         ]
         names = {name: _DRIVERS_IN_WORDS[name] for name in drivers}
-        if {"r157_careful", "fsm"} <= names.keys():
+        if set(CAREFUL_DRIVERS) <= names.keys():
             names["r157_careful"] = "UN regulation R157's careful and fuzzy drivers"
             del names["fsm"]
         return list(names.values())

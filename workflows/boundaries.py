@@ -16,7 +16,6 @@ import anyio
 from ..engine.catalog import open_catalogue
 from ..engine.execution import JobProgress
 from ..engine.exploration import ROADS, BoundarySearch, area_of, concrete_edits
-from ..engine.planners import planner_version
 from ..engine.workspace import Artifact, Recipe, versions_of
 from ..schemas.boundaries import (
     LATTICE,
@@ -37,22 +36,22 @@ from ..schemas.exploration import Evaluation, LogicalScenario, Parameter
 from ..schemas.grammar import parse_interval, parse_quantity
 from ..schemas.modification import Edit
 from ..schemas.planning import PlannerConfiguration
+from ..schemas.reviews import CAREFUL_DRIVERS
 from ..schemas.runs import Traffic
 from ..schemas.worlds import World, world_of
 from .configurations import resolve_configuration
 from .context import WorkflowContext
 from .modification import base_and_edits
 from .operations import DRAW_ROAD, EVALUATE_POINTS, READ_LOGICAL_SCENARIO
-from .results import version_key
+from .runs import own_versions
 from .scenario_storage import store_scenario
 from .scenarios import one_scenario
 
 _TOOL = "explore_boundary"
-_FOLDER = "explored"
-"""The folder of evaluated batches in the workspace."""
+EXPLORED_FOLDER = "explored"
+"""The workspace's folder of evaluated points, here and of searches for failures."""
 _BATCH = 8
 """Points of a batch (chosen): a few seconds of work, so progress is steady and an interruption loses little."""
-_REFERENCES = ("r157_careful", "fsm")
 _MOST_SLICES = 6
 """The most maps of one planner (chosen), since each is a whole exploration."""
 _SHOWN_REASONS = 2
@@ -88,7 +87,6 @@ class _Plan:
         """Return the recipe; its digest is the map's id."""
         given = self.arguments
         everyone = (*self.configurations, *self.references)
-        own = {version_key(one.planner): planner_version(one.planner) for one in everyone}
         return Recipe(
             tool=_TOOL,
             arguments={
@@ -107,7 +105,7 @@ class _Plan:
             parents=(self.base.artifact_id, *dict.fromkeys(one.config_id for one in self.configurations)),
             seed=given.seed,
             versions=versions_of("frenetix", "commonroad-io", "commonroad-drivability-checker", "libsumo")
-            | {name: version for name, version in own.items() if version},
+            | own_versions(one.planner for one in everyone),
         )
 
 
@@ -130,7 +128,7 @@ async def explore_boundary(arguments: ExploreBoundaryArguments, context: Workflo
         name = f"{record.scenario.name} {' '.join(one.name for one in plan.configurations)}"
         own.workspace.put("boundary", record.boundary_id, recipe=recipe, record=record, name=name)
         progress.add_result(record.boundary_id)
-        (own.workspace.root / _FOLDER / f"{recipe.digest}.jsonl").unlink(missing_ok=True)
+        (own.workspace.root / EXPLORED_FOLDER / f"{recipe.digest}.jsonl").unlink(missing_ok=True)
         progress.report(1.0, f"mapped; render {record.boundary_id}")
 
     job = context.start_job("boundary", recipe, work)
@@ -151,13 +149,15 @@ async def _plan(arguments: ExploreBoundaryArguments, context: WorkflowContext) -
     open_catalogue(context.workspace, with_starter=context.services.with_starter)
     logical = await _logical(arguments.scenario, context)
     axes, fixed = _axes(arguments.over, logical)
-    base, problem_id = await _base(arguments.base or logical.base, context)
-    base_id, earlier = base_and_edits(base)
     configurations = tuple(resolve_configuration(text, context) for text in arguments.configs)
     named = {one.planner for one in configurations}
     references = tuple(
-        resolve_configuration(name, context) for name in _REFERENCES if arguments.references and name not in named
+        resolve_configuration(name, context) for name in CAREFUL_DRIVERS if arguments.references and name not in named
     )
+    world = world_of(arguments.world)
+    # The base comes last, because a road is stored: a refused call stores nothing.
+    base, problem_id = await _base(arguments.base or logical.base, context)
+    base_id, earlier = base_and_edits(base)
     return _Plan(
         logical=logical,
         axes=axes,
@@ -169,7 +169,7 @@ async def _plan(arguments: ExploreBoundaryArguments, context: WorkflowContext) -
         configurations=configurations,
         references=references,
         traffic=arguments.traffic or logical.traffic,
-        world=world_of(arguments.world),
+        world=world,
         arguments=arguments,
     )
 
@@ -358,7 +358,7 @@ class _Exploration:
 
     @property
     def _path(self) -> Path:
-        return self.context.workspace.root / _FOLDER / f"{self.recipe.digest}.jsonl"
+        return self.context.workspace.root / EXPLORED_FOLDER / f"{self.recipe.digest}.jsonl"
 
     def _kept(self) -> dict[str, Evaluation]:
         """Return the evaluations that an interrupted exploration kept; an unfinished last line is ignored."""

@@ -32,6 +32,7 @@ from ..schemas.failures import (
 from ..schemas.modification import Edit, ModifyScenarioArguments
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.text import counted
+from .boundaries import EXPLORED_FOLDER
 from .configurations import resolve_configuration
 from .context import WorkflowContext
 from .modification import base_and_edits, modified_once
@@ -42,8 +43,6 @@ from .scenarios import one_scenario
 _TOOL = "find_failures"
 _MOST_TRIED = 6
 """A search ends after this many proposals per run, if most are implausible (chosen)."""
-_FOLDER = "explored"
-"""The workspace's folder of evaluated points."""
 
 
 class _Kept(Model):
@@ -77,7 +76,7 @@ class _Search:
     @property
     def path(self) -> Path:
         """The file with what is kept."""
-        return self.context.workspace.root / _FOLDER / f"{self.digest}.json"
+        return self.context.workspace.root / EXPLORED_FOLDER / f"{self.digest}.json"
 
     def cells(self, points: Sequence[EvaluatedPoint]) -> dict[str, list[EvaluatedPoint]]:
         """Return the failures among points by cell, in the order of finding."""
@@ -115,11 +114,7 @@ class _Search:
         """Store what is evaluated; the file is replaced as a whole."""
         if self.space is None:
             return
-        with self.context.workspace.scratch() as folder:
-            made = folder / self.path.name
-            write_text(made, _Kept(space=self.space, points=tuple(self.points)).model_dump_json(), "the search")
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            made.replace(self.path)
+        _write(self.path, _Kept(space=self.space, points=tuple(self.points)), self.context)
 
     async def open(self) -> SearchSpace:
         """Return the space, of an earlier search or derived now.
@@ -318,7 +313,8 @@ def _recipe(
         },
         parents=(scenario_id, configuration.config_id),
         seed=arguments.seed,
-        versions=versions_of("commonroad-io", "libsumo", "numpy", "scipy") | own_versions([configuration.planner]),
+        versions=versions_of("frenetix", "commonroad-io", "commonroad-drivability-checker", "libsumo", "numpy", "scipy")
+        | own_versions([configuration.planner]),
     )
 
 
@@ -363,7 +359,7 @@ async def find_failures(arguments: FindFailuresArguments, context: WorkflowConte
 
 
 def _record_path(recipe: Recipe, context: WorkflowContext) -> Path:
-    return context.workspace.root / _FOLDER / f"{recipe.digest}_found.json"
+    return context.workspace.root / EXPLORED_FOLDER / f"{recipe.digest}_found.json"
 
 
 def _kept_record(recipe: Recipe, context: WorkflowContext) -> FailureSearchRecord | None:
@@ -381,9 +377,13 @@ def _kept_record(recipe: Recipe, context: WorkflowContext) -> FailureSearchRecor
 
 def _keep_record(record: FailureSearchRecord, recipe: Recipe, context: WorkflowContext) -> None:
     """Store the record of a finished search."""
-    path = _record_path(recipe, context)
+    _write(_record_path(recipe, context), record, context)
+
+
+def _write(path: Path, content: Model, context: WorkflowContext) -> None:
+    """Write a file of the workspace; an earlier one is replaced as a whole."""
     with context.workspace.scratch() as folder:
         made = folder / path.name
-        write_text(made, record.model_dump_json(), "the search")
+        write_text(made, content.model_dump_json(), "the search")
         path.parent.mkdir(parents=True, exist_ok=True)
         made.replace(path)

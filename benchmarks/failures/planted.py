@@ -5,7 +5,7 @@ the same point. It is planted into IDM, in the first drawn base that the weak pl
 (other than any search's) reach it at all.
 
 Keys: ``planted_common`` (share of weaknesses and seeds found within 60 runs), ``planted_common_weaknesses``,
-``planted_rare`` (within 300 runs, for weaknesses of which random points hit at most .2 %), ``planted_rare_weaknesses``,
+``planted_rare`` (within 300 runs, for weaknesses that at most .2 % of random points hit), ``planted_rare_weaknesses``,
 ``planted_median_run`` and ``planted_unreached`` (weaknesses that no base shows).
 """
 

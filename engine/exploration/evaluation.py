@@ -18,7 +18,7 @@ import numpy as np
 from ...schemas.errors import InvalidRequest
 from ...schemas.exploration import AvoidingDriver, EncounterSetting, Evaluation
 from ...schemas.modification import Edit, EditOperation, ModificationRequest
-from ...schemas.reviews import Contact, DriverModelName
+from ...schemas.reviews import CAREFUL_DRIVERS, Contact
 from ...schemas.runs import RunRecord
 from ..analysis import contact_in, driven_tracks, drivers_that_avoid
 from ..commonroad import LoadedScenario, Track, kept_recording, static_tracks
@@ -418,8 +418,5 @@ def _is_avoidable(contact: Contact) -> bool:
     if contact.prevention is None or (contact.kind in _INTO_EGO and contact.ego_side == "rear"):
         return False
     if contact.kind == "cut_in_by_ego":
-        return any(contact.prevention.prevented_by(name, "start") for name in _CAREFUL)
+        return any(contact.prevention.prevented_by(name, "start") for name in CAREFUL_DRIVERS)
     return contact.prevention.attributable
-
-
-_CAREFUL: tuple[DriverModelName, ...] = ("r157_careful", "fsm")

@@ -46,7 +46,7 @@ _FASTEST_MPS = 30.0
 SLOW_MPS, FAST_MPS = 3.0, 10.0
 """Bounds of the speed bands: walking pace, and an urban street's speed (chosen)."""
 _Candidate = tuple[tuple[int, ...], tuple[float, ...], float | None]
-"""A reduced failure: the recorded road users that stay besides those that it needs, values, and the end of its time."""
+"""A reduced failure: the recorded road users that it keeps without needing them, values, and the end of its time."""
 _AFTER_S = 0.5
 """A reduced failure ends this long after its failure."""
 

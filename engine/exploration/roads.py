@@ -104,9 +104,9 @@ def _lanelet(lane: _Lane) -> str:
         parts.append(f"    <{name}>{points}</{name}>")
     parts += [f'    <predecessor ref="{key}"/>' for key in lane.predecessors]
     parts += [f'    <successor ref="{key}"/>' for key in lane.successors]
-    for name, beside in (("adjacentLeft", lane.left), ("adjacentRight", lane.right)):
-        if beside is not None:
-            parts.append(f'    <{name} ref="{beside[0]}" drivingDir="{"same" if beside[1] else "opposite"}"/>')
+    for name, neighbour in (("adjacentLeft", lane.left), ("adjacentRight", lane.right)):
+        if neighbour is not None:
+            parts.append(f'    <{name} ref="{neighbour[0]}" drivingDir="{"same" if neighbour[1] else "opposite"}"/>')
     parts.append("    <laneletType>urban</laneletType>")
     if lane.light is not None:
         parts.append(f'    <trafficLightRef ref="{lane.light}"/>')
