@@ -144,9 +144,13 @@ def replayed_states(setup: SimulationSetup, actors: tuple[Actor, ...]) -> dict[t
         run = _Run(sumo, actors, _Surroundings(actors, setup, everywhere=True))
         for step in range(setup.last_step + 1):
             run.advance(step)
-            for key in sumo.vehicles():
-                shown[key, step] = ShownState(sumo.front(key), sumo.angle_deg(key), sumo.speed_mps(key))
+            shown |= {(key, step): state for key, state in run.left_road.items()}
+            shown |= {(key, step): _shown_state(sumo, key) for key in sumo.vehicles()}
     return shown
+
+
+def _shown_state(sumo: Sumo, key: str) -> ShownState:
+    return ShownState(sumo.front(key), sumo.angle_deg(key), sumo.speed_mps(key))
 
 
 def _simulate(
@@ -249,6 +253,7 @@ class _Run:
 
     def __init__(self, sumo: Sumo, actors: tuple[Actor, ...], surroundings: _Surroundings) -> None:
         self.astray: set[str] = set()
+        self.left_road: dict[str, ShownState] = {}
         self._sumo, self._surroundings = sumo, surroundings
         self._actors = {actor.key: actor for actor in actors}
         self._order = {key: place for place, key in enumerate(self._actors)}
@@ -319,8 +324,10 @@ class _Run:
     def _remove_off_road(self, step: int) -> None:
         """Remove placed vehicles that left the road in the step, because SUMO crashes on its remaining data on them.
 
-        A removed vehicle is placed as a new vehicle before the next step, and returns where its recording meets a lane.
+        No driver sees a vehicle off the road, so one that is removed has the same effect as one that stays there. It is
+        placed as a new vehicle before the next step. Its last state is kept in ``left_road`` for that step.
         """
+        self.left_road = {}
         there = self._present.intersection(self._sumo.vehicles())
         for actor in self._in_order(there - self._standing):
             if actor.drives_at(step):
@@ -328,6 +335,8 @@ class _Run:
             if self._sumo.lane(actor.key):
                 self._on_road.add(actor.key)
             elif actor.key in self._on_road:
+                self._show_speeds([actor], step)
+                self.left_road[actor.key] = _shown_state(self._sumo, actor.key)
                 self._remove(actor.key)
 
     def _in_order(self, keys: Iterable[str]) -> list[Actor]:

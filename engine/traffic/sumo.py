@@ -274,18 +274,32 @@ class Sumo:
         """Return True if a placed, standing vehicle keeps its pose when it is not placed again.
 
         SUMO turns a vehicle that stands across its lane along it, and removes one that is off the lanes or at the end
-        of its route.
+        of its route. A vehicle with its rear on another lane counts as one that does not keep its pose.
         """
         lane = self.lane(key)
         if not lane:
             return False
-        station_m, half_length_m = self.station_m(key), self._vehicle.getLength(key) / 2
+        station_m, length_m = self.station_m(key), float(self._vehicle.getLength(key))
         at_end = station_m > self.lane_length_m(lane) - _ARRIVAL_REACH_M
-        if at_end and lane.rpartition("_")[0] == self.last_edge(key):
+        if station_m < length_m or (at_end and lane.rpartition("_")[0] == self.last_edge(key)):
             return False
-        along_deg = self._lane.getAngle(lane, max(station_m - half_length_m, 0.0))
-        across_rad = math.radians(math.remainder(self.angle_deg(key) - along_deg, 360.0))
-        return bool(half_length_m * abs(across_rad) <= _TURN_REACH_M)
+        front, rear = self._off_center_line(key, station_m), self._off_center_line(key, station_m - length_m)
+        ahead = math.atan2(front[1] - rear[1], front[0] - rear[0])
+        now = heading_of_angle_rad(self.angle_deg(key))
+        x_m, y_m = self.front(key)
+        moved_m = math.hypot(
+            front[0] - x_m - length_m / 2 * (math.cos(ahead) - math.cos(now)),
+            front[1] - y_m - length_m / 2 * (math.sin(ahead) - math.sin(now)),
+        )
+        return moved_m <= _TURN_REACH_M
+
+    def _off_center_line(self, key: str, station_m: float) -> tuple[float, float]:
+        """Return the point (x, y) at a vehicle's lateral distance from its lane's center line, as SUMO computes it."""
+        edge, _, index = self.lane(key).rpartition("_")
+        x_m, y_m = self._simulation.convert2D(edge, station_m, int(index))
+        heading = heading_of_angle_rad(self._lane.getAngle(self.lane(key), station_m))
+        left_m = self.offset_m(key)
+        return x_m - left_m * math.sin(heading), y_m + left_m * math.cos(heading)
 
     def show_speed(self, key: str, speed_mps: float) -> None:
         """Set the speed that other drivers see for a vehicle that is placed by hand."""
