@@ -1,18 +1,14 @@
 """MCP servers that an agent works with: by command, in this process, by address; their tools as models see them."""
 
 import json
-import socket
 import sys
-import threading
 from pathlib import Path
 from typing import Any
 
-import anyio
 import ollama
 import pytest
-import uvicorn
 from mcp import StdioServerParameters
-from support.tool_server import tool_server
+from support.tool_server import served_tools, tool_server
 
 from plannerforge.agent.connection import Picture, Server, ToolAnswer, ToolConnection, own_server, shown_to_model
 from plannerforge.agent.errors import ToolServerGone
@@ -27,20 +23,9 @@ def unseen(share: float | None, message: str) -> None: ...
 
 
 async def test_a_server_behind_an_address_is_spoken_to_as_any_other() -> None:
-    with socket.socket() as listening:
-        listening.bind(("127.0.0.1", 0))
-        listening.listen()
-        application = tool_server().streamable_http_app()
-        server = uvicorn.Server(uvicorn.Config(application, log_level="error"))
-        thread = threading.Thread(target=server.run, args=([listening],))
-        thread.start()
-        try:
-            url = f"http://127.0.0.1:{listening.getsockname()[1]}/mcp"
-            async with ToolConnection.open(url) as connection:
-                answer = await connection.call("make_scenario", {"vehicles": 2}, unseen)
-        finally:
-            server.should_exit = True
-            await anyio.to_thread.run_sync(thread.join)
+    with served_tools() as url:
+        async with ToolConnection.open(url) as connection:
+            answer = await connection.call("make_scenario", {"vehicles": 2}, unseen)
     assert answer.structured == {"scenario_id": "TST_Town-2_1_T-1", "vehicles": 2}
 
 

@@ -6,7 +6,7 @@ import signal
 import stat
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import pytest
 from rich.console import Console
 from support import tool_server
 from support.model_servers import ModelServer, Reply, replies, serving
+from support.tool_server import served_tools
 from typer.testing import CliRunner
 
 from plannerforge.agent.settings import AgentSettings
@@ -25,8 +26,20 @@ DONE = Reply("TST_Town-2_1_T-1 has 2 vehicles.")
 SERVER = f"{sys.executable} {Path(tool_server.__file__)}"
 
 
+@pytest.fixture(scope="module")
+def tools_url() -> Iterator[str]:
+    with served_tools() as url:
+        yield url
+
+
+@pytest.fixture(autouse=True)
+def served(tools_url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Unless a test names another server, the agent works with the one at this address."""
+    monkeypatch.setenv("PLANNERFORGE_AGENT_URL", tools_url)
+
+
 def settings_for(model_server: ModelServer, **others: Any) -> AgentSettings:
-    return AgentSettings(**{"model": "ollama:big:70b", "host": model_server.url, "server": SERVER} | others)
+    return AgentSettings(**{"model": "ollama:big:70b", "host": model_server.url} | others)
 
 
 def printed(run: Callable[[Console], int]) -> tuple[str, int]:
@@ -86,8 +99,8 @@ def test_the_exit_status_gives_the_end_of_a_request(tmp_path: Path, reply: Reply
         ({"model": "ollama:none"}, "no model 'none'. Valid: plain:8b, big:70b"),
         ({"model": "none"}, "'none' is not a model name"),
         ({"host": "http://127.0.0.1:9"}, "no Ollama answers at http://127.0.0.1:9"),
-        ({"server": "/no/such/program"}, "the MCP server cannot be reached"),
-        ({"server": "'unclosed"}, "cannot be read"),
+        ({"url": "", "server": "/no/such/program"}, "the MCP server cannot be reached"),
+        ({"url": "", "server": "'unclosed"}, "cannot be read"),
     ],
 )
 def test_a_failure_to_start_the_agent_is_one_line(tmp_path: Path, others: dict[str, str], told: str) -> None:
@@ -200,6 +213,7 @@ def test_the_commands_take_flags_and_variables(tmp_path: Path, monkeypatch: pyte
     with serving("ollama", replies(MAKE, DONE)) as server:
         monkeypatch.setenv("PLANNERFORGE_AGENT_MODEL", "ollama:big:70b")
         monkeypatch.setenv("PLANNERFORGE_AGENT_CONTEXT_TOKENS", "20000")
+        monkeypatch.delenv("PLANNERFORGE_AGENT_URL")
         flags = ["--host", server.url, "--server", SERVER, "--workspace", str(tmp_path)]
         done = CliRunner().invoke(application, ["agent", "A scenario.", *flags])
     assert done.exit_code == 0, done.output

@@ -1,8 +1,10 @@
 """Tasks: a call that takes long goes on without its request, its session and its server, and is found by its id."""
 
+import math
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +22,27 @@ from plannerforge.schemas.errors import UnknownName
 from plannerforge.server import tasks
 from plannerforge.server.settings import Settings
 
-pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("probe_tools", "quick")]
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("probe_tools", "impatient")]
+THERE = "."
+"""A file that each workspace has: a probe that waits for it does not wait."""
 
 
 @pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Calls become tasks at once, not after two seconds."""
-    monkeypatch.setattr(tasks, "GRACE_S", 0.3)
+    monkeypatch.setattr(tasks, "GRACE_S", 0.0)
+
+
+@pytest.fixture
+def patient(impatient: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Calls never become tasks: a server that did not answer before its patience ended would not answer at all."""
+    monkeypatch.setattr(tasks, "GRACE_S", math.inf)
+
+
+@pytest.fixture
+def let_it_end(settings: Settings) -> Callable[[], None]:
+    """Ends the work that waits for the file ``end``."""
+    return (settings.workspace / "end").touch
 
 
 @pytest.fixture
@@ -35,16 +51,19 @@ def era() -> str:
     return "auto"
 
 
-async def begin(client: Client, knows: KnowsTasks, tool: str = "make_long", text: str = "10") -> str:
+async def begin(client: Client, knows: KnowsTasks, tool: str = "make_long", text: str = "end") -> str:
     await client.call_tool(tool, {"text": text})
     return knows.begun[-1].task_id
 
 
-async def test_long_call_becomes_a_task_with_its_lifetime_and_its_answer(connect: Any) -> None:
+async def test_long_call_becomes_a_task_with_its_lifetime_and_its_answer(
+    connect: Any, let_it_end: Callable[[], None]
+) -> None:
     knows = KnowsTasks()
     async with connect(extensions=[knows]) as client:
         task_id = await begin(client, knows)
         begun = await ask(client, "tasks/get", task_id)
+        let_it_end()
         ended = await once_it(client, task_id, "completed")
         again = await ask(client, "tasks/get", task_id)
     assert (knows.begun[0].status, begun.status) == ("working", "working")
@@ -55,35 +74,43 @@ async def test_long_call_becomes_a_task_with_its_lifetime_and_its_answer(connect
     assert again == ended
 
 
-async def test_quick_calls_and_reading_ones_are_answered_at_once(connect: Any) -> None:
+@pytest.mark.usefixtures("patient")
+async def test_quick_calls_and_refused_ones_are_answered_as_soon_as_they_end(connect: Any) -> None:
     knows = KnowsTasks()
     async with connect(extensions=[knows]) as client:
-        quick = await client.call_tool("make_long", {"text": "0"})
-        reading = await client.call_tool("echo", {"text": "x"})
+        quick = await client.call_tool("make_long", {"text": THERE})
         refused = await client.call_tool("make_long", {})
     assert knows.begun == []
     assert quick.structured_content["said"]["text"] == "done"
-    assert reading.structured_content["said"]["text"] == "x"
     assert refused.is_error
+
+
+async def test_reading_calls_never_become_tasks(connect: Any) -> None:
+    knows = KnowsTasks()
+    async with connect(extensions=[knows]) as client:
+        reading = await client.call_tool("echo", {"text": "x"})
+    assert knows.begun == []
+    assert reading.structured_content["said"]["text"] == "x"
 
 
 @pytest.mark.parametrize("mode", ["auto", "legacy"])
 async def test_a_client_without_tasks_gets_no_task(connect: Any, mode: str, era: str) -> None:
     async with connect() as client:
-        answer = await client.call_tool("make_long", {"text": "6"})
+        answer = await client.call_tool("make_long", {"text": "for ever"})
         with pytest.raises(MCPError) as caught:
             await ask(client, "tasks/get", "x" * 32)
     assert answer.structured_content["said"]["text"] == "running"
     assert caught.value.error.code == -32021
 
 
-async def test_task_begun_in_one_session_is_found_in_the_next(connect: Any) -> None:
+async def test_task_begun_in_one_session_is_found_in_the_next(connect: Any, let_it_end: Callable[[], None]) -> None:
     """Its server is gone meanwhile: the next one takes the call up again."""
     first, second = KnowsTasks(), KnowsTasks()
     async with connect(extensions=[first]) as client:
-        task_id = await begin(client, first, text="20")
+        task_id = await begin(client, first)
     async with connect(extensions=[second]) as client:
         found = await ask(client, "tasks/get", task_id)
+        let_it_end()
         ended = await once_it(client, task_id, "completed")
     assert found.status == "working"
     assert ended.result is not None
@@ -94,7 +121,7 @@ async def test_a_task_of_a_killed_server_is_resumed(connect: Any, settings: Sett
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
     workspace = Workspace(settings.workspace)
-    task_id = TaskStore(workspace.database).begin("", "make_long", {"text": "3"}).task_id
+    task_id = TaskStore(workspace.database).begin("", "make_long", {"text": THERE}).task_id
     with workspace.database.writing() as connection:
         connection.execute("UPDATE tasks SET owner_pid = ?", (gone.pid,))
     workspace.close()
@@ -107,7 +134,7 @@ async def test_a_task_of_a_killed_server_is_resumed(connect: Any, settings: Sett
 async def test_ended_task_is_found_in_the_next_session(connect: Any) -> None:
     knows = KnowsTasks()
     async with connect(extensions=[knows]) as client:
-        task_id = await begin(client, knows, text="5")
+        task_id = await begin(client, knows, text=THERE)
         ended = await once_it(client, task_id, "completed")
     async with connect(extensions=[KnowsTasks()]) as client:
         assert await ask(client, "tasks/get", task_id) == ended
@@ -116,13 +143,16 @@ async def test_ended_task_is_found_in_the_next_session(connect: Any) -> None:
 async def test_cancelled_task_stops_its_job_and_stays_cancelled(connect: Any, settings: Settings) -> None:
     knows = KnowsTasks()
     async with connect(extensions=[knows]) as client:
-        task_id = await begin(client, knows, text="for ever")
-        await ask(client, "tasks/cancel", task_id)
-        cancelled = await ask(client, "tasks/get", task_id)
-        await ask(client, "tasks/cancel", task_id)
+        task_id = await begin(client, knows)
         workspace = Workspace(settings.workspace)
+        jobs = JobStore(workspace.database)
         with anyio.fail_after(60):
-            while not (job := JobStore(workspace.database).newest(1)[0]).ended:
+            while not jobs.newest(1):
+                await anyio.sleep(0.05)
+            await ask(client, "tasks/cancel", task_id)
+            cancelled = await ask(client, "tasks/get", task_id)
+            await ask(client, "tasks/cancel", task_id)
+            while not (job := jobs.newest(1)[0]).ended:
                 await anyio.sleep(0.05)
         workspace.close()
     assert (cancelled.status, job.state) == ("cancelled", "cancelled")
@@ -142,14 +172,15 @@ async def test_progress_is_in_the_message_of_the_task(connect: Any) -> None:
     assert all(re.fullmatch(r"\d+% step \d+", one) for one in told)
 
 
-async def test_question_of_a_task_is_answered_by_an_update(connect: Any) -> None:
+async def test_question_of_a_task_is_answered_by_an_update(connect: Any, let_it_end: Callable[[], None]) -> None:
     knows = KnowsTasks()
 
     async def nobody(context: Any, parameters: Any) -> ElicitResult:
         raise AssertionError("the question belongs to the task")
 
     async with connect(extensions=[knows], elicitation_callback=nobody) as client:
-        task_id = await begin(client, knows, "ask_late", "8")
+        task_id = await begin(client, knows, "ask_late")
+        let_it_end()
         asked = await once_it(client, task_id, "input_required")
         ((key, request),) = (asked.input_requests or {}).items()
         await ask(client, "tasks/update", task_id, input_responses={"other": {"action": "accept"}})
@@ -162,13 +193,14 @@ async def test_question_of_a_task_is_answered_by_an_update(connect: Any) -> None
     assert ended.result["structuredContent"]["said"]["text"] == "right"
 
 
-async def test_a_question_within_the_first_second_is_asked_as_usual(connect: Any) -> None:
+@pytest.mark.usefixtures("patient")
+async def test_a_question_before_a_call_becomes_a_task_is_asked_as_usual(connect: Any) -> None:
     async def left(context: Any, parameters: Any) -> ElicitResult:
         return ElicitResult(action="accept", content={"choice": "left"})
 
     knows = KnowsTasks()
     async with connect(extensions=[knows], elicitation_callback=left) as client:
-        answer = await client.call_tool("ask_late", {"text": "0"})
+        answer = await client.call_tool("ask_late", {"text": THERE})
     assert knows.begun == []
     assert answer.structured_content["said"]["text"] == "left"
 

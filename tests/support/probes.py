@@ -105,17 +105,18 @@ async def start_job(arguments: EchoArguments, call: ToolCall) -> EchoResult:
 
 
 async def make_long(arguments: EchoArguments, call: ToolCall) -> EchoResult:
-    """Work of a job for as many tenths of a second, or for ever; says the state of the job and its id."""
+    """Work of a job until the workspace has a file of this name; says the state of the job and its id."""
     import anyio
 
     from plannerforge.engine.execution.jobs import JobProgress
     from plannerforge.engine.workspace.recipe import Recipe
 
     async def work(progress: JobProgress) -> None:
-        tenths = int(arguments.text) if arguments.text.isdigit() else 10_000
-        for step in range(tenths):
-            progress.report(step / tenths, f"step {step}")
-            await anyio.sleep(0.1)
+        step = 0
+        while not (call.workspace.root / arguments.text).exists():
+            progress.report(step / (step + 1), f"step {step}")
+            step += 1
+            await anyio.sleep(0.05)
 
     recipe = Recipe(tool="make_long", arguments={"text": arguments.text})
     job = call.start_job("batch", recipe, work)
@@ -125,10 +126,11 @@ async def make_long(arguments: EchoArguments, call: ToolCall) -> EchoResult:
 
 
 async def ask_late(arguments: EchoArguments, call: ToolCall) -> EchoResult:
-    """Ask after as many tenths of a second."""
+    """Ask as soon as the workspace has a file of this name."""
     import anyio
 
-    await anyio.sleep(int(arguments.text) / 10)
+    while not (call.workspace.root / arguments.text).exists():
+        await anyio.sleep(0.05)
     chosen = await call.ask(Question("Which?", ("left", "right")))
     return EchoResult(said=EchoArguments(text=chosen or "nothing chosen"))
 

@@ -1,9 +1,14 @@
 """A small MCP server with the manners that an agent meets: it works, fails, tells much, draws, ends itself."""
 
 import os
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 import anyio
+import uvicorn
 from mcp.server import MCPServer
 from mcp.server.mcpserver import Context
 from mcp.types import CallToolResult, ImageContent, TextContent
@@ -79,6 +84,22 @@ def tool_server(started: anyio.Event | None = None) -> MCPServer:
         os._exit(3)
 
     return server
+
+
+@contextmanager
+def served_tools() -> Iterator[str]:
+    """Provide the server's address; it runs in a thread, so that no program has to import the protocol again."""
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        server = uvicorn.Server(uvicorn.Config(tool_server().streamable_http_app(), log_level="error"))
+        thread = threading.Thread(target=server.run, args=([listening],))
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{listening.getsockname()[1]}/mcp"
+        finally:
+            server.should_exit = True
+            thread.join()
 
 
 if __name__ == "__main__":

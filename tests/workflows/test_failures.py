@@ -1,6 +1,7 @@
 """Searches for failures on a drawn road, with a planner that never brakes: found, resumed, refused and reduced."""
 
-from collections.abc import Sequence
+from collections.abc import AsyncIterator, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,6 +18,7 @@ from plannerforge.schemas.modification import Edit
 from plannerforge.workflows import failures
 
 BASE = "ZAM_Town-1_1_T-1"
+RUNS = 20
 QUIET = town_road().with_vehicles(driving(34, (280, 7), 11.0, 151, heading_rad=3.14159))
 
 
@@ -42,54 +44,68 @@ def progress(stop_after: int | None = None) -> Any:
     return SimpleNamespace(report=report, add_result=lambda _: None, told=told)
 
 
-@pytest.fixture
-def stored(monkeypatch: pytest.MonkeyPatch) -> list[Sequence[Edit]]:
+class Stored(list[Sequence[Edit]]):
     """The edits that searches store; ids stand for scenarios and runs, which other tests cover."""
-    made: list[Sequence[Edit]] = []
 
-    async def store(_: Any, edits: Sequence[Edit]) -> tuple[str, str]:
-        made.append(edits)
-        return f"scenario{len(made)}", f"run{len(made)}"
+    async def store(self, edits: Sequence[Edit]) -> tuple[str, str]:
+        self.append(edits)
+        return f"scenario{len(self)}", f"run{len(self)}"
 
-    monkeypatch.setattr(failures._Search, "store", store)
-    return made
+
+@pytest.fixture(scope="module")
+def stored() -> Iterator[Stored]:
+    made = Stored()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(failures._Search, "store", lambda _, edits: made.store(edits))
+        yield made
 
 
 async def searched(workspace: Workspace, told: Any, **given: Any) -> tuple[FailureSearchRecord, list[EvaluatedPoint]]:
-    arguments = FindFailuresArguments.model_validate({"scenario_id": BASE, "config": "keep_lane", "runs": 20, **given})
+    arguments = FindFailuresArguments.model_validate(
+        {"scenario_id": BASE, "config": "keep_lane", "runs": RUNS, **given}
+    )
     search = failures._search(arguments, call_in_process(workspace))
     return await search.run(told), search.points
 
 
-@pytest.mark.anyio
-async def test_failures_that_a_careful_driver_avoids_are_found_with_their_edits(
-    tmp_path: Path, stored: list[Sequence[Edit]]
-) -> None:
-    workspace = workspace_with(tmp_path)
-    record, points = await searched(workspace, progress(), shrink=True)
-    assert record.runs == 20
-    assert record.failures
-    assert len({failure.cell for failure in record.failures}) == len(record.failures)
-    for failure in record.failures:
-        assert failure.prevented_by
-        assert 1 <= failure.found_after <= 20
-        assert failure.edits in stored
-        assert failure.shrunk is not None
-        assert failure.shrunk.road_users <= failure.shrunk.road_users_before
-        assert failure.shrunk.runs <= 40
-    assert sum(point.score.cell is not None for point in points) == sum(one.hits for one in record.failures)
+@dataclass(frozen=True)
+class Searched:
+    workspace: Workspace
+    record: FailureSearchRecord
+    points: Sequence[EvaluatedPoint]
+
+
+@pytest.fixture(scope="module")
+async def whole(
+    anyio_backend: str, tmp_path_factory: pytest.TempPathFactory, stored: Stored
+) -> AsyncIterator[Searched]:
+    """A search that nothing interrupted; its workspace keeps the points."""
+    workspace = workspace_with(tmp_path_factory.mktemp("whole"))
+    record, points = await searched(workspace, progress())
+    yield Searched(workspace, record, points)
     workspace.close()
 
 
 @pytest.mark.anyio
-async def test_an_interrupted_search_goes_on_and_ends_as_one_that_was_not(
-    tmp_path: Path, stored: list[Sequence[Edit]], monkeypatch: pytest.MonkeyPatch
+async def test_failures_that_a_careful_driver_avoids_are_found_with_their_edits(
+    whole: Searched, stored: Stored
 ) -> None:
-    (tmp_path / "whole").mkdir()
-    (tmp_path / "stopped").mkdir()
-    whole = workspace_with(tmp_path / "whole")
-    expected, _ = await searched(whole, progress())
-    stopped = workspace_with(tmp_path / "stopped")
+    record = whole.record
+    assert record.runs == RUNS
+    assert record.failures
+    assert len({failure.cell for failure in record.failures}) == len(record.failures)
+    for failure in record.failures:
+        assert failure.prevented_by
+        assert 1 <= failure.found_after <= RUNS
+        assert failure.edits in stored
+    assert sum(point.score.cell is not None for point in whole.points) == sum(one.hits for one in record.failures)
+
+
+@pytest.mark.anyio
+async def test_an_interrupted_search_goes_on_and_ends_as_one_that_was_not(
+    tmp_path: Path, whole: Searched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stopped = workspace_with(tmp_path)
     with pytest.raises(Stopped):
         await searched(stopped, progress(stop_after=3))
     asked = []
@@ -100,27 +116,31 @@ async def test_an_interrupted_search_goes_on_and_ends_as_one_that_was_not(
         await run(self, space)
 
     monkeypatch.setattr(failures._Search, "evaluate_batch", batch)
-    record, _ = await searched(stopped, progress())
+    record, points = await searched(stopped, progress())
     assert asked[0] == 12
-    assert [one.edits for one in record.failures] == [one.edits for one in expected.failures]
-    assert record.runs == expected.runs
-    whole.close()
+    assert points == whole.points
+    assert [one.edits for one in record.failures] == [one.edits for one in whole.record.failures]
+    assert record.runs == whole.record.runs
     stopped.close()
 
 
 @pytest.mark.anyio
-async def test_a_larger_budget_goes_on_and_a_smaller_one_has_the_first_part(
-    tmp_path: Path, stored: list[Sequence[Edit]]
-) -> None:
-    workspace = workspace_with(tmp_path)
-    more, points = await searched(workspace, progress(), runs=24)
-    less, again = await searched(workspace, progress(), runs=12)
-    assert again == points
-    assert [one.cell for one in less.failures] == [one.cell for one in more.failures][: len(less.failures)]
-    first, _ = await searched(workspace, progress(), runs=24, until_first=True)
-    assert len(first.failures) == 1
-    assert first.runs == more.failures[0].found_after
-    workspace.close()
+async def test_a_smaller_budget_has_the_first_part_of_a_larger_one(whole: Searched) -> None:
+    less, again = await searched(whole.workspace, progress(), runs=8)
+    assert again == whole.points
+    assert less.runs == 8
+    found = [one.cell for one in whole.record.failures]
+    assert [one.cell for one in less.failures] == found[: len(less.failures)]
+
+
+@pytest.mark.anyio
+async def test_a_search_until_the_first_failure_ends_with_it_and_reduces_it(whole: Searched) -> None:
+    first, _ = await searched(whole.workspace, progress(), until_first=True, shrink=True)
+    (failure,) = first.failures
+    assert first.runs == failure.found_after == whole.record.failures[0].found_after
+    assert failure.shrunk is not None
+    assert failure.shrunk.road_users <= failure.shrunk.road_users_before
+    assert failure.shrunk.runs <= 40
 
 
 @pytest.mark.anyio
