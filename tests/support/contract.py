@@ -45,7 +45,7 @@ async def _prepare(settings: Settings, folder: Path) -> Prepared:
             assert result.structured_content is not None
             return result.structured_content
 
-        search = await made("find_scenarios", {"obstacles": ["car>=1"], "limit": 1})
+        search = await made("find_scenarios", {"obstacles": ["car=1..6"], "limit": 1})  # a small one
         scenario_id = search["matches"][0]["scenario_id"]
         config = await made("configure_planner", {"preset": "Safety-Conservative", "weights": ["jerk=0.3"]})
         grid = {"scenarios": [scenario_id], "configs": ["frenetix:Default", config["config_id"]], "wait_s": 50}
@@ -242,7 +242,7 @@ CASES: dict[str, Case] = {
         ),
     ),
     "find_failures": Case(
-        {"scenario_id": "<scenario>", "config": "idm", "runs": 4},
+        {"scenario_id": "<scenario>", "config": "idm", "runs": 2},
         (
             Bad({"scenario_id": "<scenario>x"}, ("<scenario>",)),
             Bad({"scenario_id": "<scenario>", "config": "idn"}, ("idn", "idm")),

@@ -37,9 +37,7 @@ def test_rules_report_where_they_stopped_comparing(tmp_path: Path) -> None:
 
 
 def test_a_junction_has_as_many_paths_as_sumo_knows(tmp_path: Path) -> None:
-    for links in (256, 257):
-        layout = layout_of(with_problem(star(tmp_path / f"{links}.xml", links)))
-        assert max(map(len, layout.links.values())) == links
-        if links > 256:
-            with pytest.raises(NotPossible, match=r"257 paths lead through .* Valid: at most 256 paths"):
-                sumo_net(layout, dict.fromkeys(layout.table.lanes, 10.0))
+    layout = layout_of(with_problem(star(tmp_path / "star.xml", 257)))
+    assert max(map(len, layout.links.values())) == 257
+    with pytest.raises(NotPossible, match=r"257 paths lead through .* Valid: at most 256 paths"):
+        sumo_net(layout, dict.fromkeys(layout.table.lanes, 10.0))
