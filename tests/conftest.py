@@ -6,7 +6,9 @@ import os
 import shutil
 import sys
 from collections.abc import AsyncIterator, Callable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import asynccontextmanager
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -137,6 +139,16 @@ def starter_ready(starter_workspace: Path, settings: Settings) -> None:
         return target
 
     shutil.copytree(starter_workspace, settings.workspace, copy_function=linked)
+
+
+@pytest.fixture(scope="session")
+def other_process() -> Iterator[Executor]:
+    """A process with another hash seed, for what may depend neither on the process nor on the order of sets."""
+    with ProcessPoolExecutor(1, get_context("spawn")) as executor:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("PYTHONHASHSEED", "4242")
+            assert executor.submit(hash, "word").result() != hash("word")
+        yield executor
 
 
 @pytest.fixture

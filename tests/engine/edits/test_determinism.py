@@ -1,14 +1,11 @@
 """The same edits give the same bytes; one call equals several; ids come from recipes."""
 
-import json
-import os
-import subprocess
-import sys
+from concurrent.futures import Executor
 from pathlib import Path
 
 import pytest
 from support.builders import town_road
-from support.edits import Apply, elements
+from support.edits import Apply, apply_to, elements
 
 from plannerforge.engine.commonroad.benchmark_id import derived_benchmark_id
 from plannerforge.schemas.modification import Edit
@@ -19,24 +16,15 @@ COMPOSITE = (
     {"op": "add_vehicle", "vehicle_class": "truck", "at": "lead", "offset_m": 25},
     {"op": "set_goal", "to": ["13"], "position": "middle"},
 )
-PROGRAM = """
-import json, sys
-from pathlib import Path
-from support.edits import Apply, apply_to
-apply_to(Path(sys.argv[1]), Path(sys.argv[2]), *json.loads(sys.argv[3]))
-"""
 
 
-def test_the_bytes_depend_neither_on_the_process_nor_on_the_hash_seed(tmp_path: Path, importable_tests: None) -> None:
+def test_the_bytes_depend_neither_on_the_process_nor_on_the_hash_seed(tmp_path: Path, other_process: Executor) -> None:
     base = town_road().write(tmp_path / "base.xml")
-    made = []
-    for seed in ("0", "31337"):
-        output = tmp_path / seed
-        environment = {**os.environ, "PYTHONHASHSEED": seed}
-        command = [sys.executable, "-c", PROGRAM, str(base), str(output), json.dumps(COMPOSITE)]
-        subprocess.run(command, check=True, env=environment)
-        made.append([(output / name).read_bytes() for name in ("scenario.xml", "scenario.net.xml")])
-    assert made[0] == made[1]
+    here = apply_to(base, tmp_path / "here", *COMPOSITE)
+    there = other_process.submit(apply_to, base, tmp_path / "there", *COMPOSITE).result()
+    assert here.xml.read_bytes() == there.xml.read_bytes()
+    nets = [tmp_path / name / "scenario.net.xml" for name in ("here", "there")]
+    assert nets[0].read_bytes() == nets[1].read_bytes()
 
 
 def test_a_repetition_in_one_process_gives_the_same_bytes(apply: Apply) -> None:

@@ -1,8 +1,5 @@
-import hashlib
-import os
 import re
-import subprocess
-import sys
+from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.elsewhere import generated
 from support.generation import make, request_for
 
 from plannerforge.engine.commonroad.document import schema_errors
@@ -113,24 +111,11 @@ def test_lights_match_sumo_s(tmp_path: Path) -> None:
     assert {"red", "green"} <= states
 
 
-def test_the_same_request_gives_the_same_bytes_under_another_hash_seed(tmp_path: Path) -> None:
-    digests = set()
-    for hash_seed in ("1", "77"):
-        folder = tmp_path / hash_seed
-        folder.mkdir()
-        wish = request_for("Kreiselheim", folder, scenario_type="any", density="medium", duration_s=5.0)
-        code = (
-            "import sys\n"
-            "from plannerforge.engine.execution.executor import silent\n"
-            "from plannerforge.engine.generation.generator import generate_scenario\n"
-            "from plannerforge.schemas.generation import GenerationRequest\n"
-            "generate_scenario(GenerationRequest.model_validate_json(sys.argv[1]), silent)\n"
-        )
-        environment = {**os.environ, "PYTHONHASHSEED": hash_seed}
-        subprocess.run([sys.executable, "-c", code, wish.model_dump_json()], check=True, env=environment)
-        content = (folder / "scenario.xml").read_bytes() + (folder / "scenario.net.xml").read_bytes()
-        digests.add(hashlib.sha256(content).hexdigest())
-    assert len(digests) == 1
+def test_the_same_request_gives_the_same_bytes_under_another_hash_seed(tmp_path: Path, other_process: Executor) -> None:
+    wish = request_for("Kreiselheim", tmp_path, scenario_type="any", density="medium", duration_s=5.0)
+    here = generated(wish, tmp_path)
+    assert here
+    assert other_process.submit(generated, wish, tmp_path).result() == here
 
 
 @pytest.mark.parametrize("name", EGO_CLASSES)

@@ -1,14 +1,13 @@
 """The SUMO network is the lanelet network: same lanes, same geometry, same bytes every time."""
 
-import os
-import subprocess
-import sys
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
 import pytest
 from lxml import etree
 from support.builders import ScenarioBuilder, crossing, town_road
+from support.elsewhere import net_of
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.network.sumo_export.layout import NetLayout
@@ -91,22 +90,11 @@ def test_footpaths_are_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("builder", [town_road(), crossing()], ids=["fork", "crossing"])
-def test_the_bytes_do_not_depend_on_the_hash_seed(builder: ScenarioBuilder, tmp_path: Path) -> None:
+def test_the_bytes_do_not_depend_on_the_hash_seed(
+    builder: ScenarioBuilder, tmp_path: Path, other_process: Executor
+) -> None:
     file = builder.write(tmp_path / "road.xml")
-    program = (
-        "import sys; from pathlib import Path\n"
-        "from plannerforge.engine.commonroad import read_scenario\n"
-        "from plannerforge.engine.network import NetLayout, straight_speeds, sumo_net\n"
-        "layout = NetLayout.of(read_scenario(Path(sys.argv[1])).scenario.lanelet_network)\n"
-        "Path(sys.argv[2]).write_text(sumo_net(layout, straight_speeds(layout, {})))\n"
-    )
-    made = []
-    for seed in ("1", "4242"):
-        net = tmp_path / f"{seed}.net.xml"
-        environment = {**os.environ, "PYTHONHASHSEED": seed}
-        subprocess.run([sys.executable, "-c", program, str(file), str(net)], check=True, env=environment)
-        made.append(net.read_bytes())
-    assert made[0] == made[1]
+    assert other_process.submit(net_of, file).result() == net_of(file)
 
 
 @pytest.mark.shared_data

@@ -1,17 +1,15 @@
 """Reactive traffic: SUMO's vehicles see the ego, and what they did is what is judged, measured and kept."""
 
-import hashlib
 import math
-import os
 import random
-import subprocess
-import sys
+from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from support.builders import Lane, Problem, ScenarioBuilder, Vehicle, crossing, driving, line, town_road
+from support.elsewhere import digest_of_run
 from support.planning import configuration
 
 from benchmarks.planners.reactive import BrakingPlanner, drawn_approach
@@ -30,15 +28,6 @@ from plannerforge.schemas.planning import RunRequest
 from plannerforge.schemas.runs import Traffic
 
 FAR = Problem(start=(60.0, 0.0, 0.0, 10.0), goal=(190.0, 0.0, 8.0, 3.0), steps=(60, 70))
-DIGEST = """
-import hashlib, sys
-from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.planners.runs import run_planner
-from plannerforge.schemas.planning import RunRequest
-response = run_planner(RunRequest.model_validate_json(sys.stdin.read()), silent)
-content = response.record.model_dump_json() + response.steps.model_dump_json()
-print(hashlib.sha256(content.encode()).hexdigest())
-"""
 
 
 def road(*vehicles: Vehicle, parked: tuple[Vehicle, ...] = (), problem: Problem = FAR) -> ScenarioBuilder:
@@ -220,22 +209,9 @@ def test_the_metrics_follow_the_others_actual_motion(tmp_path: Path) -> None:
     assert response.record.metrics.minimum_distance_m == pytest.approx(min(gaps) - (4.508 + 4.5) / 2, abs=0.3)
 
 
-def test_a_reactive_run_is_the_same_twice_and_in_another_process(tmp_path: Path) -> None:
+def test_a_reactive_run_is_the_same_twice_and_in_another_process(tmp_path: Path, other_process: Executor) -> None:
     asked = request(town_road().cut(60), tmp_path)
-    response = run_planner(asked, silent)
-    content = response.record.model_dump_json() + response.steps.model_dump_json()
-    digests = {hashlib.sha256(content.encode()).hexdigest()}
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", DIGEST],
-        input=asked.model_dump_json(),
-        env={**os.environ, "PYTHONHASHSEED": "7"},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert digests == {done.stdout.strip().splitlines()[-1]}
-    again = run_planner(asked, silent)
-    assert again.record.model_dump_json() + again.steps.model_dump_json() == content
+    assert digest_of_run(asked) == digest_of_run(asked) == other_process.submit(digest_of_run, asked).result()
 
 
 @pytest.mark.parametrize(
