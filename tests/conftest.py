@@ -3,11 +3,13 @@
 import gc
 import inspect
 import os
+import re
 import shutil
 import sys
 from collections.abc import AsyncIterator, Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import asynccontextmanager
+from itertools import count
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -52,6 +54,22 @@ def shared_data() -> Path:
 def _workers_import_what_they_need() -> None:
     """Let workers load a library only when an order needs it, because a test needs few of them."""
     pool.PRELOAD.update(dict.fromkeys(pool.PRELOAD, ()))
+
+
+@pytest.fixture(scope="session")
+def _folder_numbers() -> Iterator[int]:
+    return count()
+
+
+@pytest.fixture
+def tmp_path(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, _folder_numbers: Iterator[int]
+) -> Path:
+    """A new folder; pytest's own finds a free number by reading the names of all before it, which are thousands."""
+    name = re.sub(r"\W", "_", request.node.name)[:30]
+    folder = tmp_path_factory.getbasetemp() / f"{name}_{next(_folder_numbers)}"
+    folder.mkdir(mode=0o700)
+    return folder
 
 
 @pytest.fixture(autouse=True)
