@@ -32,7 +32,9 @@ CHECKOUT = Path(__file__).resolve().parent.parent
 sys.dont_write_bytecode = False  # without bytecode every process compiles every test and the package anew:
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # half of what collecting costs, and .3 s for each program of a test
 os.environ["PLANNERFORGE_MAPS_ONLINE"] = "offline"  # no test asks the net; those of online maps name loopback services
-hypothesis_settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+hypothesis_settings.register_profile(
+    "any machine", max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
 hypothesis_settings.load_profile("any machine")  # no test depends on how fast or busy the machine is
 
 

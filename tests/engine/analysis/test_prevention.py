@@ -45,7 +45,7 @@ def prevention_of(ego: Track, other: Track, hit_step: int, step_s: float) -> Pre
 
 def stopping_m(speed_mps: float) -> float:
     """How far an ego comes that brakes with a jerk to a largest deceleration, by integrating finely."""
-    braking, way, step = 0.0, 0.0, 1e-4
+    braking, way, step = 0.0, 0.0, 1e-3
     while speed_mps > 0:
         braking = min(braking + CAR.jerk_mps3 * step, CAR.full_mps2)
         way += speed_mps * step
