@@ -27,7 +27,7 @@ MAKING: tuple[tuple[str, dict[str, Any]], ...] = (
             "edits": [{"op": "set_behaviour", "vehicles": ["nearest:1"], "preset": "cautious"}],
         },
     ),
-    ("configure_planner", {"planner": "idm", "weights": ["time_headway_s=1.37"]}),
+    ("configure_planner", {"preset": "Comfort", "weights": ["jerk=0.61"]}),
     ("run_planner", {**QUICK, "configs": ["idm"]}),
     ("run_planner", {**QUICK, "configs": ["idm", "idm:Sporty"], "prediction": "ground_truth"}),
     ("find_failures", {"scenario_id": "<scenario>", "config": "keep_lane", "runs": 16, "wait_s": 50}),
