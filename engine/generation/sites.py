@@ -388,7 +388,7 @@ def _has_meeting(found: Mapping[SiteType, list[Site]], request: GenerationReques
 def _fitting_meetings(
     finder: SiteFinder, kinds: Iterable[SiteType], request: GenerationRequest
 ) -> dict[SiteType, list[Site]]:
-    """Return the junctions at which the requested streets meet only across a short road, for each kind that has some."""
+    """Return the junctions at which the requested streets meet only across a short road, by kind."""
     if len(request.streets) < 2:
         return {}
     first, *others = (partial(_is_called, names) for names in request.streets)

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Mapping
 from functools import cached_property
 
-from ....schemas.generation import PlaceArea
+from ..naming.gazetteer import discs_of_settlements
 from ..naming.shown import areas_shown
 from ..osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, ground_distance_m, length_m
 from ..road_classes import LINKS
@@ -59,10 +59,14 @@ class BuiltUp:
         return named or junctions > TOWN_JUNCTIONS_PER_KM * length_km
 
     def is_in_settlement(self, node: OsmNode) -> bool:
-        """Return whether a node is in the core of a marked settlement, or of a part of a settlement."""
+        """Return whether a node is in the core of a settlement, or of a part of a settlement.
+
+        Settlements are those of the map and those of GeoNames: a map of a city may lack its houses and side streets.
+        """
         return any(
-            ground_distance_m(node.position, (area.latitude, area.longitude)) <= _CORE_SHARE * area.radius_m
-            for area in self._settlements
+            ground_distance_m(node.position, (latitude, longitude)) <= _CORE_SHARE * radius_m
+            for discs in (self._settlements, self._known_settlements)
+            for latitude, longitude, radius_m in discs
         )
 
     def posted_kmh_around(self, way: OsmWay, middle: OsmNode) -> float | None:
@@ -102,8 +106,15 @@ class BuiltUp:
         return Surroundings([[middle] for middle in middles]), [kmh for _, kmh in self._posted_ways]
 
     @cached_property
-    def _settlements(self) -> tuple[PlaceArea, ...]:
-        return tuple(area for area in areas_shown(self._osm) if area.kind in SETTLEMENTS)
+    def _settlements(self) -> tuple[tuple[float, float, float], ...]:
+        """The latitude, longitude (degrees) and radius in m of the settlements that the map shows."""
+        areas = (area for area in areas_shown(self._osm) if area.kind in SETTLEMENTS)
+        return tuple((area.latitude, area.longitude, area.radius_m) for area in areas)
+
+    @cached_property
+    def _known_settlements(self) -> tuple[tuple[float, float, float], ...]:
+        """The same for the settlements of GeoNames, if the map's roads are on earth."""
+        return discs_of_settlements(self._osm.bounds)
 
     @cached_property
     def _shapes(self) -> Surroundings:

@@ -227,9 +227,7 @@ class SiteFinder:
         sites = _merged([self._spot(kind, self.osm.nodes[key], crossings.ways_at(key), key) for key in keys])
         return [replace(site, by_links=True) for site in sites]
 
-    def meetings(
-        self, kind: SiteType, one: Callable[[OsmWay], bool], other: Callable[[OsmWay], bool]
-    ) -> list[Site]:
+    def meetings(self, kind: SiteType, one: Callable[[OsmWay], bool], other: Callable[[OsmWay], bool]) -> list[Site]:
         """Return the junctions at which two streets meet only across a short road between them, as sites of a kind.
 
         Every part of these sites is on both streets. If a junction is signalised, the network decides whether it gets

@@ -39,8 +39,7 @@ def meetings_of(
             at.setdefault(key, []).append(road)
     starts = [key for key, ways in at.items() if any(map(one, ways))]
     ends = {key for key, ways in at.items() if any(map(other, ways))}
-    found = [Meeting(path, _roads_at(path, at)) for path in _paths(osm, at, starts, ends)]
-    return found
+    return [Meeting(path, _roads_at(path, at)) for path in _paths(osm, at, starts, ends)]
 
 
 def _paths(
