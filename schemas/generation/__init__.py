@@ -66,7 +66,7 @@ class PlaceArea(Model):
     radius_m: float
 
 
-MAP_FACTS_VERSION = 6
+MAP_FACTS_VERSION = 7
 """The version of map facts. Raise it if more is read from a map, or if sites are counted differently: workspaces then
 read their maps again."""
 
