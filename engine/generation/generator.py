@@ -6,6 +6,7 @@ Of the scenarios that were written, the one with the fewest faults is kept.
 
 import gc
 import logging
+import math
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
@@ -17,6 +18,7 @@ from types import MappingProxyType
 
 from ...schemas.errors import InvalidRequest, NotPossible, with_values
 from ...schemas.generation import (
+    LONGEST_DURATION_S,
     THROUGH,
     USUAL_DURATION_S,
     Density,
@@ -40,7 +42,7 @@ from .record import absences_of, record_of, with_scripted
 from .site_network import SITE_LOST, SiteNetwork, prepare_site, with_later_lights
 from .sites import fitting_sites, lacking_turn, other_types
 from .traffic import NO_ROOM, TrafficAim, along_the_site, generate_traffic, without_spares
-from .turning_trips import possible_turns
+from .turning_trips import needed_s, possible_turns
 from .writer import STEP_S, write_scenario
 
 logger = logging.getLogger(__name__)
@@ -53,6 +55,8 @@ LIGHTS_LATER_S, TURNING_SITES = (0.0, 30.0, 60.0, 15.0, 45.0), 2
 
 The shifts cover netconvert's usual cycle of 90 s (chosen).
 """
+ENOUGH_WITH_TURN = 2
+"""Scenarios with the ego's turn after which no further lights are tried (chosen), even if each has a fault."""
 DENSER: Mapping[Density, Density] = MappingProxyType({"low": "medium", "medium": "high"})
 """The next density, in which more vehicles may make a turn."""
 MOST_LOST = 40
@@ -94,6 +98,8 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
             shutil.move(best.path, Path(request.folder) / "scenario.xml")
             shutil.move(best.site.net_path, Path(request.folder) / "scenario.net.xml")
         notes = (*ego_notes, *best.faults, *best.scenario.notes, *attempts.notes_besides(best))
+        if best.scenario.duration_s > request.duration_s:
+            notes = (f"recorded for {best.scenario.duration_s:g} s, which the ego's turn needs at this site", *notes)
         return best.scenario.model_copy(update={"notes": notes})
 
 
@@ -206,17 +212,19 @@ class _Attempts:
                 break
         is_sought = bool(fit) and self._requested is not None and all(attempt.lacks for attempt in self.made)
         is_full = any(refusal.reason == NO_ROOM for refusal in self.refusals)
-        if (len(fit) == 1 or is_sought) and few is None and not is_full:
+        is_routed = self._lacks_turn() and fit[0][0].focus.ways is not None  # more chance traffic hardly helps
+        if (len(fit) == 1 or is_sought) and few is None and not is_full and not is_routed:
             self._is_done(*fit[0], range(OWN_ROUNDS, MOST_ROUNDS))
 
     def turn(self, *, is_drawn: bool) -> None:
         """If no ego takes the requested way through the site, route vehicles along it until one of them can be the ego.
 
+        If the turn takes longer than the recording, and the call does not state the duration, the recording is longer.
         If these vehicles wait at red lights, the cycles of the lights are shifted, unless the map states their programs
         (``is_drawn``: it does not). A request with a limit on rounds or sites skips this step.
         """
         usable = [attempt for attempt in self.made if not attempt.unusable]
-        lacks = any(refusal.reason == NO_TURN for refusal in self.refusals) and not usable
+        lacks = self._lacks_turn()
         astray = bool(usable) and all(attempt.astray for attempt in usable)
         if self._request.most_sites is not None or not (lacks or astray):
             return
@@ -226,7 +234,10 @@ class _Attempts:
                 shifted.mkdir()
                 tried = with_later_lights(site, later_s, shifted) if is_drawn and not site.footways else site
                 made = len(self.made)
-                if self._is_faultless(tried, number, shifted, turning=True):
+                longer = self._with_time_for_turn(site) if lacks else self._request
+                if self._is_faultless(tried, number, shifted, routed=longer):
+                    return
+                if lacks and sum(not attempt.unusable for attempt in self.made) >= ENOUGH_WITH_TURN:
                     return
                 if astray and any(not attempt.astray and not attempt.unusable for attempt in self.made[made:]):
                     return
@@ -292,11 +303,36 @@ class _Attempts:
                 return False
         return False
 
-    def _is_faultless(self, site: SiteNetwork, round_number: int, folder: Path, *, turning: bool = False) -> bool:
+    def _lacks_turn(self) -> bool:
+        """Return whether no ego so far takes the requested way through the site, and no attempt is usable."""
+        has_no_turn = any(refusal.reason == NO_TURN for refusal in self.refusals)
+        return has_no_turn and all(attempt.unusable for attempt in self.made)
+
+    def _with_time_for_turn(self, site: SiteNetwork) -> GenerationRequest:
+        """Return the request with the duration that the ego's turn needs at a site, if it may be prolonged."""
+        request = self._request
+        if request.longest_s is None or (wanted_s := self._needed_s(site)) <= request.duration_s:
+            return request
+        return request.model_copy(update={"duration_s": min(wanted_s, request.longest_s)})
+
+    def _needed_s(self, site: SiteNetwork) -> float:
+        """Return the duration in whole seconds that the ego's turn needs at a site."""
+        ego_class = vehicle_classes()[self._request.ego.vehicle_class]
+        return float(math.ceil(needed_s(site.net, site.focus, self._request.goal.turn, ego_class.sumo_class)))
+
+    def _is_faultless(
+        self, site: SiteNetwork, round_number: int, folder: Path, *, routed: GenerationRequest | None = None
+    ) -> bool:
+        """Make one scenario, and return whether it has no fault.
+
+        ``routed``: the request, with its duration, if vehicles are routed along the way that the ego must take.
+        """
         self._rounds += 1
         path = folder / f"scenario_{round_number}.xml"
         try:
-            scenario, missed, astray = _write(self._request, site, round_number, path, self._report, turning=turning)
+            scenario, missed, astray = _write(
+                routed or self._request, site, round_number, path, self._report, turning=routed is not None
+            )
         except NotPossible as refusal:
             logger.debug("round_refused round=%d reason=%r", round_number, refusal.message)
             self.refusals.append(refusal)
@@ -335,13 +371,14 @@ class _Attempts:
                 remedies=[with_values(goal=goal) for goal in (*goals, None)],
             )
         denser = DENSER.get(request.density)
+        wanted_s = min(max(self._needed_s(site), float(USUAL_DURATION_S)), float(LONGEST_DURATION_S))
         return NotPossible(
             refusal.message,
             valid=refusal.valid,
             next_step=refusal.next_step,
             reason=refusal.reason,
             remedies=[
-                *([with_values(duration_s=USUAL_DURATION_S)] if request.duration_s < USUAL_DURATION_S else []),
+                *([with_values(duration_s=wanted_s)] if request.duration_s < wanted_s else []),
                 with_values(seed=request.seed + 1),
                 *([] if denser is None else [with_values(density=denser)]),
                 with_values(goal=None, ego=None),

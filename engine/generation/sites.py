@@ -9,7 +9,7 @@ import random
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from dataclasses import replace
 from functools import partial
-from itertools import zip_longest
+from itertools import chain, zip_longest
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -24,6 +24,7 @@ from ..execution import ProgressReporter
 from ..geometry import Points, length_m
 from ..maps import (
     ALL_ROADS,
+    ARMS_OF_A_CROSSING,
     EXPRESSWAY_KMH,
     FAST_ROADS,
     LINKS,
@@ -97,8 +98,9 @@ def count_sites(request: GenerationRequest, report: ProgressReporter) -> SiteCou
 def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     """Return all different sites for a request, shuffled by the seed; if any type is allowed, the types take turns.
 
-    If the request has streets, sites on them come first, each narrowed to its parts on them. Ramps with a link in the
-    required direction come before others.
+    If the request has streets, sites on them come first, each narrowed to its parts on them. Ramps come after the
+    junctions of several requested streets, because their links may lead to a street that is far away. Ramps with a link
+    in the required direction come before others.
 
     Raises:
         NotPossible: the map, street or box has no such site of the requested road classes; the error lists the types
@@ -110,9 +112,7 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     any_type = tuple(kind for kind in ANY_ORDER if turn is None or turn in TURNS_AT[kind])
     wanted = any_type if request.scenario_type == "any" else (request.scenario_type,)
     choice = random.Random(request.seed)  # noqa: S311 - reproducible, not secret
-    kinds = [fitting for kind in wanted if (fitting := _fitting(finder, finder.find(kind), request))]
-    if not kinds:
-        kinds = list(_fitting_by_links(finder, wanted, request).values())
+    kinds = list(_fitting_of(finder, wanted, request).values())
     if not kinds and request.scenario_type == "any" and (longest := finder.longest_road()) is not None:
         kinds = [fitting] if (fitting := _fitting(finder, [longest], request)) else []
     if not kinds:
@@ -128,6 +128,7 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
         in_turn,
         key=lambda site: (
             site.only_passed,
+            len(request.streets) > 1 and site.kind == "ramp",
             at_ramp is not None and at_ramp not in site.turns,
             _is_in_corner(site, request),
         ),
@@ -185,8 +186,7 @@ def other_types(osm: OsmMap, request: GenerationRequest) -> list[SiteType]:
 
 
 def _available_types(finder: SiteFinder, request: GenerationRequest) -> list[SiteType]:
-    held = [kind for kind in ANY_ORDER if _fitting(finder, finder.find(kind), request)]
-    return held or list(_fitting_by_links(finder, ANY_ORDER, request))
+    return list(_fitting_of(finder, ANY_ORDER, request))
 
 
 def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -> PlannerForgeError:
@@ -316,8 +316,13 @@ def _fitting_any(
 def _called(osm: OsmMap, names: tuple[str, ...]) -> Iterator[OsmWay]:
     """Yield the roads with one of the names."""
     for way in osm.ways:
-        if way.road_class and _carries(tuple(way.tags[key] for key in ("name", "ref") if key in way.tags), names):
+        if way.road_class and _is_called(names, way):
             yield way
+
+
+def _is_called(names: tuple[str, ...], way: OsmWay) -> bool:
+    """Return whether a road has one of the names or numbers."""
+    return _carries(tuple(way.tags[key] for key in ("name", "ref") if key in way.tags), names)
 
 
 def _nearest_outside(finder: SiteFinder, request: GenerationRequest) -> Site | None:
@@ -341,6 +346,66 @@ def _fitting(finder: SiteFinder, sites: list[Site], request: GenerationRequest) 
         ]
         sites = [_requested_first(site, request) for site in _ramps_of(finder, sites, request) or sites]
     return [site for site in sites if _is_in_box(site, request)]
+
+
+def _fitting_of(
+    finder: SiteFinder, kinds: Iterable[SiteType], request: GenerationRequest
+) -> dict[SiteType, list[Site]]:
+    """Return the fitting sites of each kind that has some, and those that are found only for a request like this.
+
+    They are needed if there are no others, or if the requested streets only pass the others. If streets meet only at a
+    roundabout, that is their intersection.
+    """
+    kinds = tuple(kinds)
+    found = {kind: fitting for kind in kinds if (fitting := _fitting(finder, finder.find(kind), request))}
+    if _has_meeting(found, request):
+        return found
+    more = _fitting_by_links(finder, kinds, request)
+    if not _has_meeting(more, request) and "intersection" in kinds:
+        rings = _fitting_rings(finder, request)
+        more = rings if _has_meeting(rings, request) else more
+    if not _has_meeting(more, request):
+        more = _fitting_meetings(finder, kinds, request) or more
+    if not found and not more:
+        more = _fitting_besides_motorways(finder, kinds, request)
+    return {kind: both for kind in ANY_ORDER if (both := [*found.get(kind, []), *more.get(kind, [])])}
+
+
+def _fitting_rings(finder: SiteFinder, request: GenerationRequest) -> dict[SiteType, list[Site]]:
+    """Return the roundabouts at which several requested streets meet, if an ego can make its turn there."""
+    turn = request.goal.turn
+    if len(request.streets) < 2 or (turn is not None and turn not in TURNS_AT["roundabout"]):
+        return {}
+    return {"roundabout": _fitting(finder, finder.find("roundabout"), request)}
+
+
+def _has_meeting(found: Mapping[SiteType, list[Site]], request: GenerationRequest) -> bool:
+    """Return whether there are sites and, if the request has several streets, one of them is where they meet."""
+    sites = chain(*found.values())
+    return any(len(request.streets) < 2 or not (site.only_passed or site.kind == "ramp") for site in sites)
+
+
+def _fitting_meetings(
+    finder: SiteFinder, kinds: Iterable[SiteType], request: GenerationRequest
+) -> dict[SiteType, list[Site]]:
+    """Return the junctions at which the requested streets meet only across a short road, by kind."""
+    if len(request.streets) < 2:
+        return {}
+    first, *others = (partial(_is_called, names) for names in request.streets)
+    found: dict[SiteType, list[Site]] = {}
+    for kind in kinds:
+        sites = [site for other in others for site in finder.meetings(kind, first, other)]
+        fitting = [site for site in sites if _passes_by(site, request) and _is_in_box(site, request)]
+        found |= {kind: fitting} if fitting else {}
+    return found
+
+
+def _fitting_besides_motorways(
+    finder: SiteFinder, kinds: Iterable[SiteType], request: GenerationRequest
+) -> dict[SiteType, list[Site]]:
+    """Return the fitting highways and ramps of trunk roads on a map with a motorway, for each kind that has some."""
+    sites = {kind: _fitting(finder, finder.find_besides_motorways(kind), request) for kind in kinds}
+    return {kind: fitting for kind, fitting in sites.items() if fitting}
 
 
 def _fitting_by_links(
@@ -570,7 +635,14 @@ def _is_crossing(junction: str, roads: list[NetEdge]) -> bool:
         (edge.from_junction if edge.to_junction == junction else edge.to_junction, edge.edge_id.lstrip("-"))
         for edge in roads
     }
-    return len(arms) >= LEAST_ARMS and not all(road_classes(edge) <= FAST_ROADS for edge in roads)
+    if len(arms) < LEAST_ARMS:
+        return False
+    if not all(road_classes(edge) <= FAST_ROADS for edge in roads):
+        return True
+    ends = {(edge.from_junction, edge.to_junction) for edge in roads}
+    is_two_way = any(pair[::-1] in ends for pair in ends)
+    is_of_motorways = any("motorway" in road_classes(edge) for edge in roads)
+    return not is_of_motorways and (is_two_way or len(arms) >= ARMS_OF_A_CROSSING)
 
 
 def _is_lit(net: SumoNet, junction: str) -> bool:

@@ -139,9 +139,11 @@ def generate_traffic(
         choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
         trips = _trips(request, aim, site.net, lasting_s, choice)
         if aim.turning and aim.plan is None and site.focus.ways is not None:  # not if a road or a ramp is the site
-            before_s = WARM_UP_S + request.duration_s / 2
             ego_class = vehicle_classes()[demand.ego_class]
-            trips = TurningTrips(site.net, lasting_s, choice, site.focus, request.goal.turn, ego_class, before_s)
+            most_late = demand.counts[demand.ego_class] + EGO_CANDIDATES
+            trips = TurningTrips(
+                site.net, lasting_s, choice, site.focus, request.goal.turn, ego_class, request.duration_s, most_late
+            )
         for name in sorted(demand.counts):
             trips.check_open(vehicle_classes()[name])
         pedestrians = None

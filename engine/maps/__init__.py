@@ -43,6 +43,7 @@
 ``fold``: Reduces a text to lower-case letters and digits without accents.
 ``place_keys``: Returns all keys of a place's name; two spellings mean the same place if they share a key.
 ``ALL_ROADS``: OSM's road classes that vehicles use, including links.
+``ARMS_OF_A_CROSSING``: Minimum number of arms of a junction at which one-way roads cross.
 ``EXPRESSWAY_KMH``: Minimum speed limit of a one-way trunk road that counts as an expressway, in km/h.
 ``FAST_ROADS``: OSM's road classes of motorways and similar roads.
 ``LINKS``: OSM's road classes of slip roads.
@@ -102,7 +103,7 @@ if TYPE_CHECKING:
     from .site_roads.jurisdictions import jurisdiction_of
     from .site_roads.pavements import Pavements, find_pavements
     from .site_roads.road_reader import RoadReader
-    from .site_search.finder import EXPRESSWAY_KMH, Site, SiteFinder, SitePart
+    from .site_search.finder import ARMS_OF_A_CROSSING, EXPRESSWAY_KMH, Site, SiteFinder, SitePart
     from .site_search.nearness import Gathering
     from .site_search.rings import LONGEST_RING_M
     from .unpacking import (

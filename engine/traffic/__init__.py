@@ -16,6 +16,7 @@ km.
 ``PAPER_TRIPS``: the paper's numbers of trips by density.
 ``VEHICLES_PER_LANE_KM``: vehicles per kilometre of lane at the first step, including the ego, by density.
 ``OpenEdges``: the edges of a net that are open to a class: length, speed, lanes and successors.
+``LateTrip``: a trip that begins at a place and time shortly before the recording.
 ``TripMaker``: creates trips of a class on a net, each long enough to last through the recording if the net allows it.
 ``TooFewFoundRoom``: raised if too few vehicles are present at step 0.
 ``simulate_traffic``: fills a site with the wanted vehicles, lets them drive for the warm-up and then records them.
@@ -32,6 +33,7 @@ km.
 ``Pedestrians``: puts people onto the pavements of a simulation, and records them.
 ``apart``: returns the people who overlap no vehicle and no earlier person.
 ``plan_walks``: returns walks along pavements and over crossings near a place.
+``LAST_INSERTION_S``: when the last vehicle enters at most, in s.
 ``WARM_UP_S``: how long vehicles drive before the first recorded step, in s.
 ``GeneratedVehicle``: a generated vehicle from step 0 on: class, motion of the centre, and whether it can be driven.
 ``generated_vehicles``: returns the recorded vehicles with smoothed, drivable motions.
@@ -56,10 +58,10 @@ if TYPE_CHECKING:
         vehicles_per_lane_km,
         words_of_hour,
     )
-    from .demand import OpenEdges, TripMaker, lane_km_of
+    from .demand import LateTrip, OpenEdges, TripMaker, lane_km_of
     from .motions import DECIMALS, DroppedVehicle, GeneratedVehicle, drop_infeasible, generated_vehicles
     from .pedestrians import Pedestrians, WalkedPerson, apart, plan_walks
-    from .simulation import WARM_UP_S, DrivingStyle, TooFewFoundRoom, simulate_traffic
+    from .simulation import LAST_INSERTION_S, WARM_UP_S, DrivingStyle, TooFewFoundRoom, simulate_traffic
     from .sumo import NO_LANE, LaneChanges, LaneHint, Sumo, sumo_pose, sumo_running, sumo_version, vehicle_type
     from .vehicle_counts import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, plan_counts
 

@@ -13,6 +13,19 @@ from ..network import Digraph, SumoNet
 from ..vehicles import VehicleClass, vehicle_classes
 
 
+@dataclass(frozen=True)
+class LateTrip:
+    """A trip that begins shortly before the recording: its class, edges, place on the first edge in m, and time in s.
+
+    ``at_s`` counts from the start of the simulation.
+    """
+
+    vehicle_class: VehicleClass
+    edges: tuple[str, ...]
+    station_m: float
+    at_s: float
+
+
 class TripMaker:
     """Creates trips of a class on a net, each long enough to last through the recording if the net allows it.
 
@@ -54,6 +67,10 @@ class TripMaker:
         start = self._choice.choices(starts, weights)[0]
         speed = min(edges.speed_mps[start], vehicle_class.maximum_speed_mps)
         return edges.random_route(start, speed * self._lasting_s, self._choice, self._ways)
+
+    def late_trips(self) -> tuple[LateTrip, ...]:
+        """Return the trips that begin at a given time and place, in order of time; usually there are none."""
+        return ()
 
     def open_to(self, vehicle_class: VehicleClass) -> "OpenEdges":
         """Return the edges of the net that are open to a class."""

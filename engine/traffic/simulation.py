@@ -180,37 +180,45 @@ def _vehicle_type(vehicle_class: VehicleClass, style: DrivingStyle) -> str:
 class _Source:
     """Keeps the wanted number of vehicles of every class on the net.
 
+    Vehicles with a late trip are among the wanted ones, and their places stay empty until their trips begin.
+
     ``classes``: the classes of the inserted vehicles, by SUMO id.
     """
 
     def __init__(self, sumo: Sumo, demand: Demand, trips: TripMaker, choice: random.Random) -> None:
         self._sumo, self._demand, self._trips, self._choice = sumo, demand, trips, choice
+        self._late = list(trips.late_trips())
         self.classes: dict[str, VehicleClass] = {}
         self._count = 0
 
-    def fill(self) -> None:
+    def fill(self, time_s: float) -> None:
         """Insert missing vehicles; vehicles that find no place are withdrawn and tried again elsewhere."""
         here = set(self._sumo.vehicles())
         for waiting in [key for key in self.classes if key not in here]:
             logger.debug("vehicle_waits_or_left vehicle=%s class=%s", waiting, self.classes[waiting].name)
             self._sumo.withdraw(waiting)
             del self.classes[waiting]
+        while self._late and self._late[0].at_s <= time_s:
+            trip = self._late.pop(0)
+            self._add(trip.vehicle_class, trip.edges, trip.station_m)
         known = vehicle_classes()
+        taken = [*self.classes.values(), *(trip.vehicle_class for trip in self._late)]
         missing = [
             known[name]
             for name, count in self._demand.counts.items()
-            for _ in range(count - sum(present.name == name for present in self.classes.values()))
+            for _ in range(count - sum(present.name == name for present in taken))
         ]
         self._choice.shuffle(missing)
         missing.sort(key=lambda vehicle_class: vehicle_class.name == "car")  # large ones first: they need more room
         for vehicle_class in missing:
-            self._insert(vehicle_class)
+            self._add(vehicle_class, self._trips.trip(vehicle_class))
 
-    def _insert(self, vehicle_class: VehicleClass) -> None:
+    def _add(self, vehicle_class: VehicleClass, edges: tuple[str, ...], station_m: float | None = None) -> None:
+        """Insert a vehicle at a place on the first edge of its route, or at any free place there."""
         key = f"{self._count:05d}"
         self._count += 1
-        self._sumo.add_route(f"route{key}", self._trips.trip(vehicle_class))
-        self._sumo.insert_anywhere(key, f"route{key}", vehicle_class.name)
+        self._sumo.add_route(f"route{key}", edges)
+        self._sumo.insert_moving(key, f"route{key}", vehicle_class.name, station_m)
         self.classes[key] = vehicle_class
 
 
@@ -229,7 +237,7 @@ def _record(
     before: dict[str, int] = {}
     for step in range(1, warm_up + steps + 1):
         if step <= last_insertion and step % 10 == 1:
-            source.fill()
+            source.fill(step * step_s)
         if pedestrians is not None:
             pedestrians.before_step(sumo, step)
         sumo.step()

@@ -185,9 +185,13 @@ class Sumo:
         """Add a vehicle that is placed by hand before the next step."""
         self._vehicle.add(key, route, vehicle_type, depart="now", departLane="0", departPos="0")
 
-    def insert_anywhere(self, key: str, route: str, vehicle_type: str) -> None:
-        """Add a vehicle at any free place of its route's first edge, in the best lane and at the desired speed."""
-        self._vehicle.add(key, route, vehicle_type, departLane="best", departPos="random_free", departSpeed="desired")
+    def insert_moving(self, key: str, route: str, vehicle_type: str, station_m: float | None = None) -> None:
+        """Add a vehicle to its route's first edge, in the best lane and at the desired speed.
+
+        Its front is ``station_m`` from the start of the edge; None means any free place.
+        """
+        place = "random_free" if station_m is None else f"{station_m:.2f}"
+        self._vehicle.add(key, route, vehicle_type, departLane="best", departPos=place, departSpeed="desired")
 
     def remove(self, key: str) -> None:
         """Remove a vehicle, if it is still present."""

@@ -14,6 +14,8 @@ from ..text import cited, cited_all, counted, shown_name
 from .specification import COMPASS_DEG as COMPASS_DEG
 from .specification import EGO_FORMS as EGO_FORMS
 from .specification import GOAL_FORMS as GOAL_FORMS
+from .specification import LONGEST_DURATION_S as LONGEST_DURATION_S
+from .specification import LONGEST_FOR_TURN_S as LONGEST_FOR_TURN_S
 from .specification import MIDDLE as MIDDLE
 from .specification import NATURAL_SHARES as NATURAL_SHARES
 from .specification import SHARES_SOURCE as SHARES_SOURCE
@@ -64,7 +66,7 @@ class PlaceArea(Model):
     radius_m: float
 
 
-MAP_FACTS_VERSION = 6
+MAP_FACTS_VERSION = 7
 """The version of map facts. Raise it if more is read from a map, or if sites are counted differently: workspaces then
 read their maps again."""
 
@@ -471,7 +473,7 @@ class GenerateScenariosArguments(Arguments):
             "motorcycle bicycle pedestrian trailer delivery coach taxi emergency moped"
         ),
     )
-    duration_s: float = Field(USUAL_DURATION_S, ge=5, le=120)
+    duration_s: float = Field(USUAL_DURATION_S, ge=5, le=LONGEST_DURATION_S)
     """The duration of the scenario, in s."""
     ego: str = Field(USUAL_EGO, description="first, index:N (cars, from 0), type:CLASS")
     goal: str = Field(

@@ -151,6 +151,10 @@ THROUGH = "through"
 """The goal beyond the site, as far along the ego's route as the scenario's duration allows."""
 USUAL_GOAL, USUAL_EGO, USUAL_DURATION_S = THROUGH, "first", 20
 """The defaults of all generation arguments. The recipe records them."""
+LONGEST_DURATION_S = 120
+"""Maximum duration of a recording (chosen)."""
+LONGEST_FOR_TURN_S = 60
+"""Maximum duration of a recording that is prolonged for the ego's turn (chosen): once around a large ring."""
 USUAL_DENSITY: Density = "low"
 MIDDLE = "middle"
 """The usual position on a lanelet."""
@@ -320,7 +324,8 @@ class ScenarioSpec(Model):
     ``bbox`` is south, west, north, east in degrees. ``road_classes`` are OSM's ``highway`` values; empty means all
     roads, with links if the site is a ramp or a motorway. ``vehicles`` lists classes in addition to the ego, including
     the ego's own class if it is not a car. ``others`` is a manoeuvre that another road user must perform on the ego's
-    route.
+    route. ``longest_s``: the recording may be longer than ``duration_s``, up to this, if the ego's turn takes longer;
+    None if the call states the duration.
     """
 
     scenario_type: ScenarioType = "any"
@@ -329,6 +334,7 @@ class ScenarioSpec(Model):
     density: Density = USUAL_DENSITY
     vehicles: tuple[VehicleDemand, ...] = ()
     duration_s: float = float(USUAL_DURATION_S)
+    longest_s: float | None = Field(None, exclude_if=lambda longest_s: longest_s is None)
     ego: Ego = RequestedEgo()
     goal: Goal = RequestedGoal.of(USUAL_GOAL)
     seed: int = 0

@@ -167,7 +167,7 @@ def _density(density: DensityFacts) -> str:
 _RECORDED = (
     *("map_id", "place", "country", "attribution", "scenario_type", "streets", "bbox", "road_classes", "density"),
     *("vehicles", "duration_s", "ego", "goal", "index", "site_index", "site_step", "most_sites", "most_rounds"),
-    *("conditions", "others"),
+    *("conditions", "others", "longest_s"),
 )
 """The fields of a request in a recipe, in the order that recipes have always used."""
 

@@ -38,6 +38,7 @@ from ...schemas.errors import (
 )
 from ...schemas.generation import (
     COMPASS_DEG,
+    LONGEST_FOR_TURN_S,
     NATURAL_SHARES,
     SHARES_SOURCE,
     TRIP_KINDS,
@@ -114,6 +115,7 @@ def read_specification(arguments: GenerateScenariosArguments) -> GenerationSpec:
         density=arguments.density,
         vehicles=with_natural_mix(vehicles, read.conditions),
         duration_s=arguments.duration_s,
+        longest_s=_longest_s(arguments, goal),
         ego=ego,
         goal=goal,
         seed=arguments.seed,
@@ -127,6 +129,12 @@ def read_specification(arguments: GenerateScenariosArguments) -> GenerationSpec:
         trial_run=arguments.trial_run,
         notes=(*read.notes, *taken),
     )
+
+
+def _longest_s(arguments: GenerateScenariosArguments, goal: RequestedGoal) -> float | None:
+    """Return up to when a recording may last for the ego's turn; None if the call states the duration or no turn."""
+    is_stated = "duration_s" in arguments.model_fields_set
+    return None if is_stated or goal.turn is None else float(LONGEST_FOR_TURN_S)
 
 
 def _code_of(country: str | None) -> str | None:

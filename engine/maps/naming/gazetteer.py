@@ -92,6 +92,21 @@ def settlement_around(position: tuple[float, float], *, beyond_m: float = 0.0) -
     return _settlement(_record_at(max(around)[1])) if around else None
 
 
+def discs_of_settlements(bounds: tuple[float, float, float, float]) -> tuple[tuple[float, float, float], ...]:
+    """Return the latitude, longitude (degrees) and reach in m of the settlements that may reach into a box."""
+    south, west, north, east = bounds
+    middle = (south + north) / 2, (west + east) / 2
+    corner_m = max(ground_distance_m(middle, (south, west)), ground_distance_m(middle, (north, east)))
+    near = _MOST_REACH_DEG + (north - south) / 2
+    return tuple(
+        (latitude, longitude, reach_m)
+        for latitude, longitude, _, population, _ in _positions()
+        if abs(latitude - middle[0]) < near
+        and ground_distance_m(middle, (latitude, longitude))
+        <= (reach_m := _reach_m(population, _URBAN_PEOPLE_PER_KM2)) + corner_m
+    )
+
+
 def country_of_nearest(position: tuple[float, float], countries: Iterable[str]) -> str | None:
     """Return the country, of those given (ISO 3166-1 alpha-3), with settlements by far nearest to a position.
 

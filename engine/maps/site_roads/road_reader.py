@@ -177,7 +177,7 @@ class RoadReader:
         if posted_kmh is not None and not _TOWN_KMH < posted_kmh < _OPEN_KMH:
             return posted_kmh <= _TOWN_KMH
         if not self._built_up.is_mapped:
-            return self._built_up.is_dense
+            return self._built_up.is_dense or self._built_up.is_in_settlement(points[len(points) // 2])
         inside = sum(self._built_up.within(point, _HOUSES_WITHIN_M) for point in points)
         return inside >= _BUILT_UP_SHARE * len(points) or self._built_up.is_in_settlement(points[len(points) // 2])
 

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Mapping
 from functools import cached_property
 
-from ....schemas.generation import PlaceArea
+from ..naming.gazetteer import discs_of_settlements
 from ..naming.shown import areas_shown
 from ..osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, ground_distance_m, length_m
 from ..road_classes import LINKS
@@ -21,6 +21,10 @@ _CORE_SHARE = 0.5
 _POSTED_WITHIN_M = 300.0
 """Distance from a road within which other roads' posted limits say whether it is in a town (measured, as above)."""
 _OFF_STREET = frozenset({"motorway", *LINKS, "service", "track"})
+_HOUSE_WITHIN_M, _LINED_SHARE = 100.0, 0.5
+"""A residential street has houses if one is within this distance of its middle; share of the streets of a map with
+houses (both chosen).
+"""
 TOWN_JUNCTIONS_PER_KM = 5.0
 """A map with more junctions per kilometre of road is that of a town (chosen)."""
 
@@ -59,10 +63,15 @@ class BuiltUp:
         return named or junctions > TOWN_JUNCTIONS_PER_KM * length_km
 
     def is_in_settlement(self, node: OsmNode) -> bool:
-        """Return whether a node is in the core of a marked settlement, or of a part of a settlement."""
+        """Return whether a node is in the core of a settlement, or of a part of a settlement.
+
+        Settlements are those of the map. Those of GeoNames count too if the map lacks the houses of its streets: then a
+        road without houses may still be in a town.
+        """
         return any(
-            ground_distance_m(node.position, (area.latitude, area.longitude)) <= _CORE_SHARE * area.radius_m
-            for area in self._settlements
+            ground_distance_m(node.position, (latitude, longitude)) <= _CORE_SHARE * radius_m
+            for discs in (self._settlements, self._known_settlements)
+            for latitude, longitude, radius_m in discs
         )
 
     def posted_kmh_around(self, way: OsmWay, middle: OsmNode) -> float | None:
@@ -102,23 +111,52 @@ class BuiltUp:
         return Surroundings([[middle] for middle in middles]), [kmh for _, kmh in self._posted_ways]
 
     @cached_property
-    def _settlements(self) -> tuple[PlaceArea, ...]:
-        return tuple(area for area in areas_shown(self._osm) if area.kind in SETTLEMENTS)
+    def _settlements(self) -> tuple[tuple[float, float, float], ...]:
+        """The latitude, longitude (degrees) and radius in m of the settlements that the map shows."""
+        areas = (area for area in areas_shown(self._osm) if area.kind in SETTLEMENTS)
+        return tuple((area.latitude, area.longitude, area.radius_m) for area in areas)
+
+    @cached_property
+    def _known_settlements(self) -> tuple[tuple[float, float, float], ...]:
+        """The same for the settlements of GeoNames, if the map lacks the houses of its streets."""
+        return () if self._shows_houses else discs_of_settlements(self._osm.bounds)
+
+    @cached_property
+    def _shows_houses(self) -> bool:
+        """Whether half of the residential streets have houses or built-up areas, or a map without these has some."""
+        houses = Surroundings(self._houses, self._areas)
+        streets = [way for way in self._osm.roads(BUILT_UP_ROADS) if len(way.node_ids) > 1]
+        middles = (self.metres(self._osm.nodes[way.node_ids[len(way.node_ids) // 2]]) for way in streets)
+        lined = sum(houses.any_within(middle, _HOUSE_WITHIN_M) for middle in middles)
+        return not houses.is_empty and lined >= _LINED_SHARE * len(streets)
 
     @cached_property
     def _shapes(self) -> Surroundings:
-        houses = [node for node in self._osm.nodes.values() if "addr:housenumber" in node.tags or "shop" in node.tags]
-        lines = [[self.metres(node)] for node in houses]
-        areas: list[list[tuple[float, float]]] = []
-        for way in self._osm.ways:
-            if way.tags.get("landuse") in BUILT_UP_LANDUSE and len(way.node_ids) > 3:
-                areas.append([self.metres(self._osm.nodes[key]) for key in way.node_ids])
-            elif way.road_class in BUILT_UP_ROADS or "building" in way.tags:
-                lines.append([self.metres(self._osm.nodes[key]) for key in way.node_ids])
-        return Surroundings(lines, areas)
+        streets = [self._line(way) for way in self._osm.ways if way.road_class in BUILT_UP_ROADS]
+        return Surroundings([*self._houses, *streets], self._areas)
+
+    @cached_property
+    def _houses(self) -> list[list[tuple[float, float]]]:
+        """The houses as points or outlines, in metres."""
+        nodes = [node for node in self._osm.nodes.values() if "addr:housenumber" in node.tags or "shop" in node.tags]
+        outlines = [self._line(way) for way in self._osm.ways if "building" in way.tags and not _is_area(way)]
+        return [*([self.metres(node)] for node in nodes), *outlines]
+
+    @cached_property
+    def _areas(self) -> list[list[tuple[float, float]]]:
+        """The outlines of built-up areas, in metres."""
+        return [self._line(way) for way in self._osm.ways if _is_area(way)]
+
+    def _line(self, way: OsmWay) -> list[tuple[float, float]]:
+        return [self.metres(self._osm.nodes[key]) for key in way.node_ids]
 
     @cached_property
     def _origin(self) -> tuple[float, float]:
         south, west, _, east = self._osm.bounds
         roads = self._osm.roads() if east - west > HALF_TURN_DEG else []
         return self._osm.nodes[roads[0].node_ids[0]].position if roads else (south, west)
+
+
+def _is_area(way: OsmWay) -> bool:
+    """Return whether a way outlines a built-up area."""
+    return way.tags.get("landuse") in BUILT_UP_LANDUSE and len(way.node_ids) > 3

@@ -15,6 +15,7 @@ from ....schemas.generation import SiteType, Turn
 from ..osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, ground_distance_m, length_m
 from ..road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, THROUGH_ROADS
 from .built_up import TOWN_JUNCTIONS_PER_KM, BuiltUp
+from .meetings import meetings_of
 from .nearness import Gathering, Surroundings
 from .rings import RING_TAGS, Rings, direction_of
 
@@ -57,6 +58,8 @@ TOWN_LIMIT_KMH = 60
 """A lower limit indicates a town (chosen; 50 km/h and 30 mph are usual there)."""
 EXPRESSWAY_KMH = 80
 """A one-way trunk road with at least this limit counts as a motorway (chosen)."""
+ARMS_OF_A_CROSSING = 4
+"""Minimum number of arms if one-way roads cross; with three, they only fork or join."""
 MARKED_BY_NODES: frozenset[SiteType] = frozenset({"intersection", "signalised_intersection", "ramp", "urban"})
 
 
@@ -78,8 +81,8 @@ class Site:
     """A place on a map: its type, its middle in degrees, its streets, and the node or way that marks it.
 
     ``parts``: the spots that were merged into the site, at most ``MOST_NAMED``; the streets are those of all parts.
-    ``only_passed``: the requested streets pass the site, but no part is on all of them. ``by_links``: one of the
-    streets reaches the junction only via a link road with the street's name.
+    ``only_passed``: the requested streets pass the site, but no part is on all of them. ``by_links``: links belong to
+    the site, for example because one of the streets reaches the junction only via a link road.
     """
 
     kind: SiteType
@@ -140,25 +143,39 @@ class _Crossings:
                 self._ways_at.setdefault(key, []).append(way)
             for index, key in enumerate(way.node_ids):
                 arms[key] = arms.get(key, 0) + (index > 0) + (index < len(way.node_ids) - 1)
+        self._arms = arms
         self.junctions = [key for key, count in arms.items() if count >= 3]
 
     def __contains__(self, key: int) -> bool:
         return key in self._ways_at
+
+    def is_junction(self, key: int) -> bool:
+        """Return whether a node has at least three arms."""
+        return self._arms.get(key, 0) >= 3
 
     def ways_at(self, key: int) -> Sequence[OsmWay]:
         """Return the roads at a node; empty if the node belongs to other roads."""
         return self._ways_at.get(key, ())
 
     def of_streets(self) -> list[int]:
-        """Return junctions of different streets: not of one road that splits in two, and not only of motorways."""
-        return [key for key in self.junctions if self._crosses(key) and not self._only_motorway(key)]
+        """Return junctions of different streets: not of one road that splits in two, and not of expressways."""
+        return [key for key in self.junctions if self._crosses(key) and not self._is_of_expressways(key)]
 
     def _crosses(self, key: int) -> bool:
         names = {way.tags.get("name") or way.tags.get("ref") or str(way.way_id) for way in self.ways_at(key)}
         return len(names) > 1 or len(self.ways_at(key)) > 3
 
-    def _only_motorway(self, key: int) -> bool:
-        return all(way.road_class.startswith(("motorway", "trunk")) for way in self.ways_at(key))
+    def _is_of_expressways(self, key: int) -> bool:
+        """Return whether only motorways and trunk roads meet at a node, and none of them crosses another one.
+
+        Trunk roads cross if one of them is open in both directions, or if four carriageways meet.
+        """
+        ways = self.ways_at(key)
+        if not all(way.road_class.startswith(("motorway", "trunk")) for way in ways):
+            return False
+        if any(way.road_class.startswith("motorway") for way in ways):
+            return True
+        return self._arms[key] < ARMS_OF_A_CROSSING and all(direction_of(way) for way in ways)
 
 
 class SiteFinder:
@@ -209,6 +226,32 @@ class SiteFinder:
             keys = [key for key in keys if not self._far_from_houses(self.osm.nodes[key])]
         sites = _merged([self._spot(kind, self.osm.nodes[key], crossings.ways_at(key), key) for key in keys])
         return [replace(site, by_links=True) for site in sites]
+
+    def meetings(self, kind: SiteType, one: Callable[[OsmWay], bool], other: Callable[[OsmWay], bool]) -> list[Site]:
+        """Return the junctions at which two streets meet only across a short road between them, as sites of a kind.
+
+        Every part of these sites is on both streets. If a junction is signalised, the network decides whether it gets
+        lights.
+        """
+        if kind not in ("intersection", "signalised_intersection", "urban") or self._road_m <= LEAST_ROAD_M:
+            return []
+        signals = self._signals(self._with_links)
+        spots = []
+        for meeting in meetings_of(self.osm, self._roads, one, other):
+            for key in meeting.nodes:
+                node = self.osm.nodes[key]
+                if not self._with_links.is_junction(key) or (kind == "urban" and self._far_from_houses(node)):
+                    continue
+                if kind != "signalised_intersection" or signals.any_within(self._metres(node), SIGNAL_REACH_M):
+                    spots.append(self._spot(kind, node, meeting.roads, key))
+        return [replace(site, by_links=True) for site in _merged(spots)]
+
+    def find_besides_motorways(self, kind: SiteType) -> list[Site]:
+        """Return highways and ramps of trunk roads, which ``find`` leaves out on a map with a motorway."""
+        if self._fast == "trunk" or self._road_m <= LEAST_ROAD_M:
+            return []
+        spots = {"highway": self._stretches, "ramp": self._ramps_of_class}
+        return _merged(spots[kind]("trunk")) if kind in spots else []
 
     def middles_of_streets(self) -> list[Site]:
         """Return the middles of the streets among houses, as urban sites of streets without a junction among them."""
@@ -392,10 +435,13 @@ class SiteFinder:
 
     def _ramps(self) -> list[_Spot]:
         """Return the positions where links leave or join a motorway, or a trunk road if there is no motorway."""
+        return self._ramps_of_class(self._fast)
+
+    def _ramps_of_class(self, road_class: str) -> list[_Spot]:
         spots = []
         for key in self._with_links.junctions:
             classes = {way.road_class for way in self._with_links.ways_at(key)}
-            if self._fast in classes and classes & RAMP_LINKS:
+            if road_class in classes and classes & RAMP_LINKS:
                 roads = partial(self._roads_of_ramp, key)
                 spots.append(_Spot("ramp", self.osm.nodes[key], key, roads, self._turns_at(key)))
         return spots
@@ -461,8 +507,12 @@ class SiteFinder:
         return [self._metres(self.osm.nodes[key]) for key in way.node_ids]
 
     def _motorways(self) -> list[_Spot]:
-        fast = [way for way in self._roads if way.road_class == self._fast]
-        fast = [way for way in fast if self._fast == "motorway" or self._is_expressway(way)]
+        return self._stretches(self._fast)
+
+    def _stretches(self, road_class: str) -> list[_Spot]:
+        """Return points on the motorways, or on the trunk roads that resemble a motorway."""
+        fast = [way for way in self._roads if way.road_class == road_class]
+        fast = [way for way in fast if road_class == "motorway" or self._is_expressway(way)]
         ways = [way for way in fast if length_m(self.osm, way) > SHORTEST_STRETCH_M]
         return [
             self._spot("highway", point, [way], way.way_id) for way in ways for point in _spaced_points(self.osm, way)

@@ -1,6 +1,7 @@
 """Of the sites of a map, those are chosen that show what a request names."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation.site_network import prepare_site
 from plannerforge.engine.generation.sites import fitting_sites, middle_of
 from plannerforge.engine.maps.drawn_library import Sketch
-from plannerforge.engine.maps.osm import OsmMap, read_osm
+from plannerforge.engine.maps.osm import OsmMap, OsmWay, ground_distance_m, read_osm
+from plannerforge.engine.maps.site_search.finder import SiteFinder
 from plannerforge.engine.traffic.motions import GeneratedVehicle
 from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.engine.vehicles.motion import Motion
@@ -118,3 +120,81 @@ def test_names_in_a_list_are_each_the_road_s(tmp_path: Path) -> None:
     for name in ("East Road;West Road", "West Road"):
         streets = ((name,), ("Side Road",))
         assert fitting_sites(osm, request(tmp_path, scenario_type="intersection", streets=streets))
+
+
+def two_streets() -> Sketch:
+    """A street, and another one that ends 50 m from its middle."""
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(0, -300), (0, 0), (0, 300)], "residential", "Long Street")
+    sketch.road([(30, 40), (300, 40)], "residential", "Side Street")
+    return sketch
+
+
+def called(name: str) -> Callable[[OsmWay], bool]:
+    return lambda way: way.tags.get("name") == name
+
+
+BOTH = (("Long Street",), ("Side Street",))
+
+
+@pytest.mark.parametrize("highway", ["residential", "tertiary_link"])
+@pytest.mark.parametrize("kind", ["any", "intersection"])
+def test_streets_that_a_short_road_without_a_name_connects_meet_there(tmp_path: Path, highway: str, kind: str) -> None:
+    sketch = two_streets()
+    sketch.road([(0, 0), (30, 40)], highway, "")
+    osm = drawn(tmp_path, sketch)
+    site = fitting_sites(osm, request(tmp_path, scenario_type=kind, streets=BOTH))[0]
+    assert not site.only_passed
+    assert {"Long Street", "Side Street"} <= set(site.streets)
+    assert ground_distance_m(site.position, osm.nodes[site.mark].position) < 60.0
+
+
+@pytest.mark.parametrize(("highway", "name"), [("residential", "Third Street"), ("service", "")])
+def test_streets_that_another_street_or_a_driveway_connects_do_not_meet(
+    tmp_path: Path, highway: str, name: str
+) -> None:
+    sketch = two_streets()
+    sketch.road([(0, 0), (30, 40)], highway, name)
+    osm = drawn(tmp_path, sketch)
+    with pytest.raises(NotPossible) as refusal:
+        fitting_sites(osm, request(tmp_path, scenario_type="signalised_intersection", streets=BOTH))
+    assert refusal.value.reason == "no_such_site"
+    sites = SiteFinder(osm).meetings("intersection", called("Long Street"), called("Side Street"))
+    assert not sites
+
+
+def test_streets_that_end_at_a_roundabout_have_it_as_their_intersection(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    corners = [(20 * math.cos(k * math.pi / 6), 20 * math.sin(k * math.pi / 6)) for k in range(13)]
+    sketch.road(corners, "secondary", "", junction="roundabout")
+    for number, name in ((0, "Long Street"), (6, "Side Street"), (3, "Third Street")):
+        sketch.road([corners[number], (15 * corners[number][0], 15 * corners[number][1])], "secondary", name)
+    osm = drawn(tmp_path, sketch)
+    sites = fitting_sites(osm, request(tmp_path, scenario_type="intersection", streets=BOTH))
+    assert [site.kind for site in sites] == ["roundabout"]
+    with pytest.raises(NotPossible):
+        fitting_sites(osm, request(tmp_path, scenario_type="signalised_intersection", streets=BOTH))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_where_two_streets_cross_comes_before_a_ramp_that_leads_to_both(tmp_path: Path, seed: int) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-800, 0), (0, 0), (800, 0)], "motorway", "Long Street", oneway="yes")
+    sketch.road([(0, 0), (150, -100), (300, -100)], "motorway_link", "", oneway="yes")
+    sketch.road([(300, -100), (600, -100), (900, -100)], "secondary", "Side Street")
+    sketch.road([(600, -300), (600, -100), (600, -40)], "secondary", "Long Street")
+    osm = drawn(tmp_path, sketch)
+    sites = fitting_sites(osm, request(tmp_path, streets=BOTH, seed=seed))
+    assert sites[0].kind != "ramp"
+    assert any(site.kind == "ramp" for site in sites)
+
+
+def test_a_ramp_of_a_requested_expressway_is_found_beside_a_motorway(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-500, 0), (0, 0), (500, 0)], "trunk", "Ring Expressway", oneway="yes")
+    sketch.road([(0, 0), (200, -60)], "motorway_link", "", oneway="yes")
+    sketch.road([(2000, 0), (2500, 0), (3000, 0)], "motorway", "", ref="A 1", oneway="yes")
+    sketch.road([(2500, 0), (2700, -60)], "motorway_link", "", oneway="yes")
+    osm = drawn(tmp_path, sketch)
+    asked = request(tmp_path, scenario_type="ramp", goal="through:exit", streets=(("Ring Expressway",),))
+    assert [site.streets[0] for site in fitting_sites(osm, asked)] == ["Ring Expressway"]

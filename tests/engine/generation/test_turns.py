@@ -1,6 +1,7 @@
 """What an ego is asked to do at its site, and what its path to the goal then does."""
 
 import math
+import random
 from collections import Counter
 from pathlib import Path
 
@@ -13,14 +14,19 @@ from support.roads import network_of_streets, street
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation.generator import generate_scenario
+from plannerforge.engine.generation.site_network import prepare_site
 from plannerforge.engine.generation.site_ways import SiteWays
+from plannerforge.engine.generation.sites import fitting_sites
+from plannerforge.engine.generation.turning_trips import TurningTrips
 from plannerforge.engine.generation.turns import leads_without_change
+from plannerforge.engine.maps import read_map_file
 from plannerforge.engine.network.net_parser import read_net
 from plannerforge.engine.network.netconvert import convert_osm
 from plannerforge.engine.scenarios.facts import read_facts
-from plannerforge.engine.traffic import OpenEdges
+from plannerforge.engine.traffic import WARM_UP_S, OpenEdges
+from plannerforge.engine.vehicles import vehicle_classes
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, with_values
-from plannerforge.schemas.generation import TURNS_AT
+from plannerforge.schemas.generation import TURNS_AT, GenerationRequest
 from plannerforge.schemas.scenarios import ReadFactsRequest
 
 
@@ -61,7 +67,9 @@ def test_a_refused_turn_comes_with_calls_that_keep_it_first(tmp_path: Path) -> N
     with pytest.raises(NotPossible) as refusal:
         generate_scenario(request, silent)
     remedies = refusal.value.remedies
-    assert (remedies[0], remedies[-1]) == (with_values(duration_s=20), with_values(goal=None, ego=None))
+    lasting_s = remedies[0].changes[0].values["duration_s"]
+    assert lasting_s >= 20
+    assert (remedies[0], remedies[-1]) == (with_values(duration_s=lasting_s), with_values(goal=None, ego=None))
 
 
 def test_every_route_over_a_crossing_is_known_with_its_turn(tmp_path: Path) -> None:
@@ -131,3 +139,37 @@ def test_only_a_goal_in_another_lane_needs_a_lane_change() -> None:
         for region, farthest_m in ((ahead, 100.0), (beside, 100.0), (ahead, 40.0))
     ]
     assert reached == [True, False, False]
+
+
+def in_its_town(folder: Path, **changes: object) -> GenerationRequest:
+    usual = {"scenario_type": "roundabout", "goal": "through:u_turn", "vehicles": ONE_CAR, "duration_s": 8.0}
+    return request_for("Kreiselheim", folder, **usual | changes)
+
+
+def test_a_recording_lasts_as_long_as_the_turn_needs_unless_the_call_states_its_duration(tmp_path: Path) -> None:
+    made = generate_scenario(in_its_town(tmp_path, longest_s=60.0), silent)
+    assert 8.0 < made.duration_s <= 60.0
+    assert abs(turned_deg(tmp_path)) > 150.0
+    with pytest.raises(NotPossible) as refusal:
+        generate_scenario(in_its_town(tmp_path), silent)
+    first = refusal.value.remedies[0].changes[0].values
+    assert first.keys() == {"duration_s"}
+    assert first["duration_s"] >= made.duration_s
+
+
+def test_vehicles_for_a_turn_enter_the_site_one_after_the_other_during_the_recording(tmp_path: Path) -> None:
+    request = in_its_town(tmp_path, duration_s=40.0)
+    osm = read_map_file(Path(request.map_path))
+    site = prepare_site(request, osm, fitting_sites(osm, request)[0], tmp_path, silent)
+    car = vehicle_classes()["car"]
+    trips = TurningTrips(site.net, 30.0, random.Random(1), site.focus, "u_turn", car, 40.0, 4).late_trips()
+    edges, ways = OpenEdges.of(site.net, car.sumo_class), site.focus.ways
+    assert ways is not None
+    assert len(trips) == 4
+    assert [trip.at_s for trip in trips] == sorted(trip.at_s for trip in trips)
+    for trip in trips:
+        entry = next(edge for edge in trip.edges if edge in ways.entries)
+        approach = trip.edges[: trip.edges.index(entry) + 1]
+        enters_s = trip.at_s + edges.travel_s(approach) - trip.station_m / edges.speed_mps[approach[0]]
+        assert WARM_UP_S - 4.0 <= enters_s <= WARM_UP_S + 40.0
+        assert trip.at_s <= WARM_UP_S

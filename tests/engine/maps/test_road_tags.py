@@ -252,6 +252,26 @@ def test_a_road_in_a_marked_settlement_core_is_in_town_even_without_houses(tmp_p
     assert (urban["Main Road"], urban["Far Road"]) == (True, False)
 
 
+def test_a_road_in_the_core_of_a_known_city_is_in_town_if_the_map_lacks_houses(tmp_path: Path) -> None:
+    def is_urban(latitude: float, longitude: float, *, houses: bool) -> bool:
+        sketch = Sketch("", latitude, longitude)
+        sketch.road([(-500, 0), (0, 0), (500, 0)], "secondary", "Main Road")
+        sketch.road([(9000, 0), (9100, 0)], "residential", "Side Road")
+        if houses:
+            sketch.mark((9050, 20), building="yes", addr_housenumber="1")
+        sketch.write(tmp_path / "map.osm")
+        text = (tmp_path / "map.osm").read_text().replace('"town"', '"locality"').replace("addr_", "addr:")
+        (tmp_path / "map.osm").write_text(text)
+        osm = read_osm(tmp_path / "map.osm")
+        road = next(way for way in osm.ways if way.tags.get("name") == "Main Road")
+        reader = RoadReader(BuiltUp(osm), GERMANY, lefthand=False)
+        return reader.is_urban(road, [osm.nodes[key] for key in road.node_ids])
+
+    assert is_urban(12.97, 77.59, houses=False)  # Bangalore
+    assert not is_urban(12.97, 77.59, houses=True)
+    assert not is_urban(54.6, 5.2, houses=False)  # the North Sea
+
+
 def test_each_limit_is_reported_with_its_law(tmp_path: Path) -> None:
     tags = {"all": {"maxspeed": ""}, "west": {"highway": "motorway"}}
     _, told = cut(read_osm(crossing(tmp_path / "town.osm", tags, houses=True)), tmp_path, "KEN")

@@ -301,3 +301,24 @@ def test_a_ramp_knows_whether_its_link_joins_or_leaves(tmp_path: Path) -> None:
     exit_, entry = sorted(finder(tmp_path, sketch).find("ramp"), key=lambda site: site.longitude)
     assert exit_.turns == {"exit"}
     assert entry.turns == {"merge"}
+
+
+def test_trunk_roads_that_cross_make_an_intersection_but_a_fork_does_not(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-500, 0), (0, 0), (500, 0)], "trunk", "West Road", oneway="yes")
+    sketch.road([(0, 0), (400, 200)], "trunk", "Other Road", oneway="yes")
+    assert "intersection" not in finder(tmp_path, sketch).kinds()
+    sketch.road([(0, -400), (0, 0)], "trunk", "Other Road", oneway="yes")
+    assert finder(tmp_path, sketch).kinds()["intersection"] == 1
+
+
+def test_beside_a_motorway_the_ramps_and_stretches_of_an_expressway_are_found_on_request(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-500, 0), (0, 0), (500, 0)], "trunk", "Ring Expressway", oneway="yes", motorroad="yes")
+    sketch.road([(0, 0), (200, -60)], "motorway_link", "", oneway="yes")
+    assert not finder(tmp_path, sketch).find_besides_motorways("ramp")
+    sketch.road([(2000, 0), (3000, 0)], "motorway", "", oneway="yes")
+    found = finder(tmp_path, sketch)
+    assert [site.turns for site in found.find_besides_motorways("ramp")] == [{"exit"}]
+    assert found.find_besides_motorways("highway")
+    assert not found.find_besides_motorways("intersection")
