@@ -108,7 +108,8 @@ def _words_with_initials(typed: str) -> tuple[str, ...]:
     """Return the words, single letters in a row as one (``M. G. Road``); empty if none of them can be initials."""
     words: list[str] = []
     for is_letter, run in groupby(words_of_name(typed), key=lambda word: len(word) == 1):
-        words += ["".join(run)] if is_letter else run
+        several = list(run)
+        words += ["".join(several)] if is_letter else several
     fewest = _FEWEST_INITIALS if kinds_of_road(typed) else _FEWEST_INITIALS + 1
     initials = (word for word in words if not kinds_of_road(word) and not is_direction(word))
     return tuple(words) if any(fewest <= len(word) <= _MOST_INITIALS for word in initials) else ()
