@@ -7,6 +7,10 @@ each word with its abbreviations, and road types of several words (``state route
 languages), it takes cardinal, ordinal and Roman numbers up to 31, the largest in a date. From
 ``resources/addresses`` (36 languages), it takes cardinal directions and the words between or before the two roads of a
 crossing.
+
+The table also has the numbers up to 99 that the CLDR spells out (rule-based number formats, Unicode License) as
+cardinals and ordinals in about 80 languages, in every gender and case. ICU applies the rules: Debian's package
+``python3-icu`` has its Python module.
 """
 
 import gzip
@@ -18,12 +22,16 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from icu import Locale, RuleBasedNumberFormat, URBNFRuleSetTag
 
 from plannerforge.engine.maps.naming.places import latin
+from plannerforge.engine.maps.naming.spellings import words_of_name
 
 TARGET = Path(__file__).parent.parent / "engine" / "maps" / "naming" / "road_words.json.gz"
 KINDS, OTHERS = ("street_types",), ("directionals", "personal_titles")
 """The dictionaries of road types, and of other abbreviated words."""
+TITLES = ("personal_titles", "personal_suffixes")
+"""The dictionaries of the titles before and after a person's name."""
 LARGEST = 31
 
 
@@ -38,6 +46,11 @@ def words_of(folder: Path, names: tuple[str, ...]) -> dict[str, list[str]]:
                 written = (latin(other) for other in others if len(other.split()) == 1)
                 found[word].update(other for other in written if other.isalpha())
     return {word: sorted(found[word] - {word}) for word in sorted(found)}
+
+
+def titles_of(folder: Path) -> list[str]:
+    """Return the titles of persons in one word with their abbreviations, in plain Latin letters; sorted."""
+    return sorted({title for word, written in words_of(folder, TITLES).items() for title in (word, *written)})
 
 
 def long_kinds_of(folder: Path) -> dict[str, list[str]]:
@@ -75,6 +88,28 @@ def ordinals_of(folder: Path) -> list[str]:
         for group in yaml.safe_load(path.read_text(encoding="utf-8")).get("ordinal_indicators") or []:
             found.update(latin(ending) for endings in group["suffixes"].values() for ending in endings)
     return sorted(ending for ending in found if ending.isalpha() and (len(ending) > 1 or ending == "e"))
+
+
+LARGEST_SPELT = 99
+_SHORTEST_SPELT = 5
+"""Minimum letters of a number in one word: shorter words are abbreviations and names in other languages (chosen)."""
+
+
+def spelt_numbers(known: set[str]) -> dict[str, list[str]]:
+    """Return the words for each number in all languages, in plain Latin letters; both sorted.
+
+    ``known``: words with a meaning of their own, which are left out.
+    """
+    found: dict[int, set[str]] = {value: set() for value in range(1, LARGEST_SPELT + 1)}
+    for locale in Locale.getAvailableLocales():
+        numbers = RuleBasedNumberFormat(URBNFRuleSetTag.SPELLOUT, Locale(locale))
+        for kind in range(numbers.getNumberOfRuleSetNames()):
+            numbers.setDefaultRuleSet(numbers.getRuleSetName(kind))
+            for value, words in found.items():
+                spelt = words_of_name(numbers.format(value).replace("\u00ad", ""))
+                if all(map(str.isalpha, spelt)) and len("".join(spelt)) >= _SHORTEST_SPELT:
+                    words.add(" ".join(spelt))
+    return {str(value): sorted(words - known) for value, words in found.items()}
 
 
 SUFFIXES = "concatenated_suffixes_separable"
@@ -137,12 +172,16 @@ def crossings_of(folder: Path, entries: tuple[str, ...]) -> list[str]:
 def main(checkout: Path) -> None:
     """Write the table."""
     folder = checkout / "resources" / "dictionaries"
+    kinds, others = words_of(folder, KINDS), words_of(folder, OTHERS)
+    known = {spelling for words in (kinds, others) for word, written in words.items() for spelling in (word, *written)}
     table = {
-        "source": "libpostal",
-        "kinds": words_of(folder, KINDS),
+        "source": "libpostal, CLDR",
+        "kinds": kinds,
         "long_kinds": long_kinds_of(folder),
-        "others": words_of(folder, OTHERS),
+        "others": others,
+        "titles": titles_of(folder),
         "numbers": numbers_of(checkout / "resources" / "numex"),
+        "spelt_numbers": spelt_numbers(known),
         "ordinals": ordinals_of(checkout / "resources" / "numex"),
         "suffixes": suffixes_of(folder),
         "directions": directions_of(checkout / "resources" / "addresses"),

@@ -11,7 +11,8 @@ folder of dictd with Debian's packages ``dict-freedict-*-*``; ``wikdict.py`` rea
 1. WordNet, if the word has one class there: as the class's synonym, or because its first meaning is a kind of it;
 2. the dictionaries of most languages, by its first two meanings or the words that it translates;
 3. the pictures that it names in most languages;
-4. the pictures that it is a keyword of in most languages, if all pictures of one kind have it and no others.
+4. the pictures that it is a keyword of in most languages, if all pictures of one kind have it and no others;
+5. trucks, if it is a keyword of both trucks and otherwise at most of a pickup and a fire engine, which are trucks too.
 
 Words also match English texts. An English word without a class is therefore left out (a bill is a car in Icelandic), as
 are words without a letter. Words are in lower case, without accents, with letters and digits only.
@@ -47,6 +48,7 @@ POLICE = "👮🚨"
 DELIVERY_TRUCK, ARTICULATED_LORRY, PICKUP = "🚚🚛🛻"
 """A word for both of the first two is a truck, and so is one for a pickup; one for the first alone is a delivery van.
 The name of the second is a trailer if the language has a word for both, and otherwise its word for trucks."""
+TRUCKS = f"{DELIVERY_TRUCK}{ARTICULATED_LORRY}{PICKUP}🚒"
 _KINDS = [kind for kinds in PICTURES.values() for kind in kinds if len(kind) > 1] + [DELIVERY_TRUCK + ARTICULATED_LORRY]
 SYNSETS = {
     "car": ["car automobile"],
@@ -138,6 +140,16 @@ def words_of_cldr(folder: Path, languages: str) -> tuple[dict[str, str], dict[st
     return _majority(names), _majority(keywords)
 
 
+def words_for_trucks(folder: Path) -> dict[str, str]:
+    """Return the keywords of both trucks in any language that no picture has but those of other trucks."""
+    found: set[str] = set()
+    for path in sorted(folder.glob("*/annotations.json")):
+        pictures = dict(_pictures(path))
+        others = (described for picture, (_, described) in pictures.items() if picture not in TRUCKS)
+        found |= _for_both_trucks(pictures).difference(*others)
+    return dict.fromkeys(found, "truck")
+
+
 def _for_both_trucks(pictures: Mapping[str, tuple[set[str], set[str]]]) -> set[str]:
     """Return the words that a language uses for both a delivery truck and an articulated lorry."""
     delivery, articulated = (pictures.get(one, (set(), set()))[1] for one in (DELIVERY_TRUCK, ARTICULATED_LORRY))
@@ -202,9 +214,8 @@ def main() -> None:
     english = set().union(*words_of_cldr(annotations, "en"), named_classes := words_of_wordnet(wordnet))
     others = set(english_words(wordnet)) - english
     translated = words_of_wikdict(dictionaries, annotations, named_classes)
-    named_classes = {
-        word: class_ for word, class_ in (keywords | named | translated | named_classes).items() if word not in others
-    }
+    found = words_for_trucks(annotations) | keywords | named | translated | named_classes
+    named_classes = {word: class_ for word, class_ in found.items() if word not in others}
     named_classes = {word: class_ for word, class_ in named_classes.items() if not word.isnumeric()}
     words: dict[str, list[str]] = defaultdict(list)
     for word, class_ in sorted(named_classes.items()):

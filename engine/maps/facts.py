@@ -16,10 +16,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...schemas.generation import MAP_FACTS_VERSION, MapFacts, ReadMapRequest
+from ...schemas.maps import Box
 from ...schemas.text import LONGEST_TEXT, one_line
 from ..execution import ProgressReporter
 from .map_file import read_map_file
-from .naming.gazetteer import country_of_nearest, settlements_called
+from .naming.gazetteer import countries_on, country_of_nearest, settlement_around, settlements_called
 from .naming.places import country_code
 from .naming.shown import MOST_PLACES, areas_shown, places_shown
 from .naming.tags import MOST_NAMES, names_of, refs_of
@@ -40,7 +41,7 @@ def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
     """Read a map file and return its facts.
 
     The place comes from the caller, or from places and addresses in the file. If they only name parts of a settlement,
-    it is the settlement that GeoNames has around the map. The country comes from the caller, from addresses
+    or nothing, it is the settlement that GeoNames has around the map. The country comes from the caller, from addresses
     (``addr:country``), or from the map's location and, near a border, the settlements there.
 
     Raises:
@@ -61,14 +62,17 @@ def facts_of(osm: OsmMap, request: ReadMapRequest) -> MapFacts:
     roads = osm.roads()
     south, west, north, east = osm.bounds
     near = countries_near(osm.bounds)
-    country = request.country or osm.country or _country(osm) or _country_among(near, names, osm.bounds)
+    addressed = _countries_of_addresses(osm)
+    country = request.country or osm.country or next(iter(addressed), None)
+    country = country or _country_among(near, names, osm.bounds)
+    names = names or _name_around(osm.bounds)
     return MapFacts(
         map_id=request.map_id or _map_id_of(path),
         file_name=_shown_name(path),
         place=names[0] if names else _shown_name(path).split(".")[0],
         places=tuple(names[:MOST_PLACES]),
         country=country,
-        countries_near=() if country else near,
+        countries_near=_others_shown(country, near, (*addressed, *countries_on(osm.bounds))) if country else near,
         south=south,
         west=west,
         north=north,
@@ -82,6 +86,13 @@ def facts_of(osm: OsmMap, request: ReadMapRequest) -> MapFacts:
         areas=areas_shown(osm),
         facts_version=MAP_FACTS_VERSION,
     )
+
+
+def _name_around(bounds: Box) -> list[str]:
+    """Return the name of the settlement that a map without names is in, according to GeoNames; empty outside of all."""
+    south, west, north, east = bounds
+    around = settlement_around(((south + north) / 2, (west + east) / 2))
+    return [] if around is None else [around.name]
 
 
 def _shown_name(path: Path) -> str:
@@ -111,14 +122,19 @@ def _road_names(osm: OsmMap) -> tuple[tuple[str, ...], ...]:
     return tuple((main, *list(found[main])[:MOST_NAMES]) for main in sorted(found))[:MOST_STREETS]
 
 
-def _country(osm: OsmMap) -> str | None:
-    """Return the country of most addresses, as ISO 3166-1 alpha-3."""
+def _countries_of_addresses(osm: OsmMap) -> tuple[str, ...]:
+    """Return the countries of addresses as ISO 3166-1 alpha-3, that of most addresses first."""
     codes = Counter(
         code
         for tags in [*(node.tags for node in osm.nodes.values()), *(way.tags for way in osm.ways)]
         if tags.get("addr:country") and (code := country_code(tags["addr:country"]))
     )
-    return min(codes, key=lambda code: (-codes[code], code)) if codes else None
+    return tuple(sorted(codes, key=lambda code: (-codes[code], code)))
+
+
+def _others_shown(country: str, near: tuple[str, ...], shown: Sequence[str]) -> tuple[str, ...]:
+    """Return the countries on the other side of a border on the map: near it, with addresses or settlements on it."""
+    return tuple(code for code in near if code != country and code in shown)
 
 
 def _country_among(

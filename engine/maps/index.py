@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from functools import cache, lru_cache, partial
-from itertools import product, takewhile
+from itertools import islice, product, takewhile
 from pathlib import Path
 
 from ...schemas.errors import UnknownName, with_values
@@ -21,6 +21,7 @@ from ..workspace import Database, versions_of
 from .naming.alike import (
     SHORTEST_BEGUN,
     beginning,
+    has_initials,
     is_abbreviated,
     is_half_of,
     is_inflected,
@@ -35,6 +36,7 @@ from .naming.spellings import (
     MOST_KEPT,
     distinctive,
     has_same_numbers,
+    is_one_number,
     is_only_a_kind,
     kinds_of_road,
     names_a_street,
@@ -144,6 +146,8 @@ _LEAST_LIKENESS, _LEAST_WORD_LIKENESS, _TELLING_LETTERS = 78, 85, 4
 """Minimum similarity (of 100) of a name, or of its words, for a suggestion; minimum length of these words (chosen)."""
 _MOST_NEAR, _COMPARED = 4, 2000
 """Maximum number of suggestions, and of compared names (chosen)."""
+_MOST_ERRORS, _LETTERS_AN_ERROR = 2, 4
+"""Maximum number of misspelt letters in a name, and minimum number of letters in the name for each (chosen)."""
 _FEW_WORDS = 4
 """Maximum number of words in a text for inexact matches of both the place and the road (chosen)."""
 _SHOWN_ROADS, _MOST_WORDS, _LONGEST_UNSPACED = 3, 12, 24
@@ -310,8 +314,8 @@ def _in_country(matches: list[MapMatch], country: str, code: str) -> list[MapMat
 
 
 def _countries(facts: MapFacts) -> tuple[str, ...]:
-    """Return the countries that a map is or may be in; empty if they are unknown."""
-    return facts.countries_near if facts.country is None else (facts.country,)
+    """Return the countries that a map is or may be in, and others that it shows; empty if they are unknown."""
+    return facts.countries_near if facts.country is None else (facts.country, *facts.countries_near)
 
 
 def _in_box(matches: list[MapMatch], bbox: Box) -> list[MapMatch]:
@@ -458,9 +462,19 @@ def listed_parts(place: str) -> list[str]:
 
 def crossing_parts(text: str) -> list[str]:
     """Return the roads of an intersection (``A & B``, ``A at B``, ``corner of A and B``, ``A/B``), or the text."""
-    between, around = _crossing_patterns()
-    inner = around.sub("", text).strip()
-    return [part.strip() for part in between.split(inner) if part.strip()]
+    inner = _crossing_patterns()[1].sub("", text).strip()
+    ends = [0, *(end for joint in _joints(inner) for end in joint.span()), len(inner)]
+    parts = (inner[start:end].strip() for start, end in zip(ends[::2], ends[1::2], strict=True))
+    return [part for part in parts if part]
+
+
+def _joints(text: str) -> list[re.Match[str]]:
+    """Return the words and signs between roads, without those inside a number (``Rua Vinte e Cinco``)."""
+    return [
+        joint
+        for joint in _crossing_patterns()[0].finditer(text)
+        if _CROSSING_SIGNS.search(joint[0]) or not is_one_number(text[: joint.start()], joint[0], text[joint.end() :])
+    ]
 
 
 def _two_parts(text: str) -> Iterator[list[str]]:
@@ -468,9 +482,8 @@ def _two_parts(text: str) -> Iterator[list[str]]:
 
     A word may belong to a name, such as the Portuguese *e* in ``A / Rua Vinte e Cinco de Julho``, so signs come first.
     """
-    between, around = _crossing_patterns()
-    inner = around.sub("", text).strip()
-    joints = [joint for joint in between.finditer(inner) if joint.start() > 0 and joint.end() < len(inner)]
+    inner = _crossing_patterns()[1].sub("", text).strip()
+    joints = [joint for joint in _joints(inner) if joint.start() > 0 and joint.end() < len(inner)]
     if len(joints) > 1:
         for joint in sorted(joints, key=lambda joint: _CROSSING_SIGNS.search(joint[0]) is None):
             yield [inner[: joint.start()].strip(), inner[joint.end() :].strip()]
@@ -526,6 +539,8 @@ def _not_shown_error(
         towns = [part for part in listed_parts(place[:LONGEST_TEXT])[1:] if country_code(part) is None]
         is_elsewhere = any(settlements_called(without_frame(part)) for part in towns)
         near = [] if is_elsewhere else _near(place[:LONGEST_TEXT], [match.entry.facts for match in matches])
+    corrected = _corrected(place[:LONGEST_TEXT], matches if town is None else town.maps)
+    near = list(dict.fromkeys((*corrected, *near)))[:_MOST_NEAR]
     if near:
         return UnknownName(
             f"no map contains {place!r}{why}",
@@ -540,6 +555,63 @@ def _not_shown_error(
         next_step="choose one of these places, which have maps, or import an .osm extract with import_files",
         reason=NOT_SHOWN,
     )
+
+
+def _corrected(place: str, found: Sequence[MapMatch]) -> list[str]:
+    """Return the text with misspelt names corrected as on a map that has everything else in it, fewest errors first."""
+    parts = place_parts(place)
+    errors: dict[str, int] = {}
+    for map_ in found:
+        facts = map_.entry.facts
+        wrong = [part for part in parts if not _is_on_map(facts, part)]
+        if not wrong or (len(parts) > 1 and len(wrong) == len(parts)):
+            continue
+        corrections = [_closest(part, facts) for part in wrong]
+        for names in islice(product(*corrections), _MOST_NEAR):
+            text = place
+            for part, (_, name) in zip(wrong, names, strict=True):
+                text = text.replace(part, name, 1)
+            if _showing([map_], text, None, Closeness.KNOWN):
+                errors[text] = min(sum(count for count, _ in names), errors.get(text, _MOST_ERRORS * len(parts)))
+    return sorted(errors, key=lambda text: (errors[text], text))
+
+
+def _closest(part: str, facts: MapFacts) -> list[tuple[int, str]]:
+    """Return the names on a map that differ from a text in a few letters, with the number of these errors.
+
+    A letter is missing, superfluous or wrong, or two neighbours are swapped. A word for the kind of road may be absent.
+    """
+    from rapidfuzz import process
+    from rapidfuzz.distance import OSA
+
+    found: dict[str, int] = {}
+    for typed, names in zip(_letters(part), _letters_of_names(facts), strict=True):
+        most = min(_MOST_ERRORS, len(typed) // _LETTERS_AN_ERROR)
+        if most:
+            for _, count, name in process.extract(typed, names, scorer=OSA.distance, score_cutoff=most, limit=None):
+                if kinds_of_road(part) <= kinds_of_road(name) or typed == fold(part):
+                    found[name] = min(count, found.get(name, count))
+    return sorted((count, name) for name, count in found.items())[:_MOST_NEAR]
+
+
+def _letters_of_names(facts: MapFacts) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the letters of each name on a map: of the whole name, and of its words other than the kind of road."""
+    areas = (area.name for area in facts.areas)
+    names = dict.fromkeys(
+        (*facts.streets, *facts.places, *areas, *(one for names in facts.road_names for one in names))
+    )
+    pairs = {name[:LONGEST_TEXT]: _letters(name[:LONGEST_TEXT]) for name in names if len(place_parts(name)) == 1}
+    return {name: pair[0] for name, pair in pairs.items()}, {name: pair[1] for name, pair in pairs.items()}
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _is_single(name: str) -> bool:
+    return len(place_parts(name)) == 1
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _letters(name: str) -> tuple[str, str]:
+    return fold(name), "".join(word for word in words_of_name(name) if not kinds_of_road(word))
 
 
 def _near_in_town(town: _Town) -> list[str]:
@@ -626,6 +698,7 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
         if not listed:
             return None
         reading = _Reading()
+        is_placed = False
         settled = any(country_code(part) in _countries(facts) for part in listed)
         for part in listed:
             found = (
@@ -639,9 +712,14 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
                 or _read_together(part, facts, closeness)
                 or _read_roads_in_a_phrase(part, facts, closeness)
             )
-            if found is None and country_code(part) not in (None, facts.country) and len(part) > 3:
+            if found is None and country_code(part) not in (None, *_countries(facts)) and len(part) > 3:
                 return None
+            is_placed = is_placed or (found is not None and found.named and not _is_around(part, facts))
             reading += found or _Reading(unnamed=(part,))
+        if reading.unnamed and reading.named and not is_placed and facts.places:
+            return None  # the state or the country alone does not tell in which of its towns the street is
+    if any(_is_outside(part, facts) for part in reading.unnamed):
+        return None
     reading = _match_file_name(reading, facts)
     if reading.named:
         reading = _match_road_names(reading, facts)
@@ -743,6 +821,7 @@ def _read_alike(
         alike = (is_transliterated, is_abbreviated, is_with_kind)
         readings = (read(part, facts, is_like) for is_like in alike for read in (_read_place_like, _read_road_like))
         found = next((reading for reading in readings if reading is not None), None)
+        found = found or _read_initials(part, facts)
     if found is None and closeness >= Closeness.PLACE_PART and (settled or not _is_elsewhere(part, facts)):
         words = without_frame(part)
         found = _read_place_like(words, facts, is_half_of)
@@ -838,6 +917,14 @@ def _read_road_like(part: str, facts: MapFacts, is_like: Callable[[str, str], bo
     return _as_roads(part, roads) if roads else None
 
 
+def _read_initials(part: str, facts: MapFacts) -> _Reading | None:
+    """Read the text as the only road of the map with these initials; a country's code has another meaning."""
+    if country_code(part) is not None:
+        return None
+    found = _read_road_like(part, facts, has_initials)
+    return found if found is not None and len(found.streets[0]) == 1 else None
+
+
 def _read_place(part: str, facts: MapFacts) -> _Reading | None:
     """Read the text as the map itself (its id, file, place, region or country) or as a place inside it."""
     own = {facts.map_id, facts.map_id.removeprefix("map_"), file_stem(facts.file_name)}
@@ -846,12 +933,26 @@ def _read_place(part: str, facts: MapFacts) -> _Reading | None:
     for keys_of in (place_keys, _framed_keys):
         if (found := _read_place_by_keys(part, facts, keys_of)) is not None:
             return found
+    return _Reading(named=True) if _is_around(part, facts) else None
+
+
+def _is_around(part: str, facts: MapFacts) -> bool:
+    """Return whether the text is a country or state that the map is in."""
+    middle = (facts.south + facts.north) / 2, (facts.west + facts.east) / 2
     code = country_code(part)
-    if (code is not None and code == facts.country) or region_of(
-        part, facts.country, (facts.south + facts.north) / 2, (facts.west + facts.east) / 2
-    ):
-        return _Reading(named=True)
-    return None
+    return (code is not None and code in _countries(facts)) or any(
+        region_of(part, country, *middle) for country in _countries(facts)
+    )
+
+
+def _is_outside(part: str, facts: MapFacts) -> bool:
+    """Return whether the text is a city, or a part as large as one, that does not reach the map.
+
+    Smaller ones do not count: many towns have a part called ``Altstadt``, and GeoNames knows only some of them.
+    """
+    known = settlements_called(without_frame(part))
+    is_city = any(settlement.population >= CITY_PEOPLE for settlement in known)
+    return is_city and _read_settlement(part, facts, wide=True) is None
 
 
 def _read_place_by_keys(part: str, facts: MapFacts, keys_of: Callable[[str], frozenset[str]]) -> _Reading | None:
@@ -1083,8 +1184,13 @@ def _two_roads(words: Sequence[str]) -> Iterator[tuple[str, str]]:
         if end - begin < 3 or not all(map(_is_no_name, (*words[1:begin], *words[end:]))):
             continue
         for between, rest in ((one, one + more) for more in (1, 2) for one in range(begin + 1, end - more)):
-            if all(_CROSSING_SIGNS.fullmatch(word) or _is_no_name(word) for word in words[between:rest]):
-                yield " ".join(words[begin:between]), " ".join(words[rest:end])
+            joining = words[between:rest]
+            first, second = " ".join(words[begin:between]), " ".join(words[rest:end])
+            is_sign = any(map(_CROSSING_SIGNS.fullmatch, joining))
+            if all(_CROSSING_SIGNS.fullmatch(word) or _is_no_name(word) for word in joining) and (
+                is_sign or not is_one_number(first, " ".join(joining), second)
+            ):
+                yield first, second
 
 
 def _read_inflected(part: str, facts: MapFacts) -> _Reading | None:
@@ -1103,13 +1209,18 @@ def _is_no_name(word: str) -> bool:
 
 
 def _splits(text: str) -> Iterator[tuple[str, str]]:
-    """Yield all ways to split a text in two: between words, or between letters in scripts without spaces."""
+    """Yield all ways to split a text in two: between words, or between letters in scripts without spaces.
+
+    The words of one number stay together.
+    """
     words = text.split()
     if len(words) == 1 and len(text) <= _LONGEST_UNSPACED and re.search(r"[\u3040-\u30ff\u4e00-\u9fff]", text):
         yield from ((text[:index], text[index:]) for index in range(2, len(text) - 1))
     if len(words) <= _MOST_WORDS:
         for index in range(1, len(words)):
             tail = words[index:]
+            if is_one_number(" ".join(words[:index]), "", " ".join(tail)):
+                continue
             if tail[0].casefold() in _PREPOSITIONS and len(tail) > 1:
                 tail = tail[1:]
             yield " ".join(words[:index]), " ".join(tail)

@@ -114,11 +114,11 @@ class MapFacts(Model):
     """The content of a map as read from the file, without guesses.
 
     ``country`` is None if neither the file nor the caller gives it. ``countries_near`` then lists the candidates, and
-    is empty if there is no evidence. ``sites`` counts sites by scenario type. For a road with several names,
-    ``road_names`` has the one in ``streets`` or ``refs`` first. ``areas`` are places that cover a part of the map.
-    ``source`` is the origin of a downloaded map. ``extract`` describes a country extract, which is stored in tiles.
-    Scenarios are generated from parts of it, with its id in ``cut_of``. Its ``places`` are the largest ones, and its
-    index contains the streets.
+    is empty if there is no evidence; otherwise it lists the other countries that the map shows. ``sites`` counts sites
+    by scenario type. For a road with several names, ``road_names`` has the one in ``streets`` or ``refs`` first.
+    ``areas`` are places that cover a part of the map. ``source`` is the origin of a downloaded map. ``extract``
+    describes a country extract, which is stored in tiles. Scenarios are generated from parts of it, with its id in
+    ``cut_of``. Its ``places`` are the largest ones, and its index contains the streets.
     """
 
     map_id: str

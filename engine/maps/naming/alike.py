@@ -2,14 +2,18 @@
 
 import re
 import unicodedata
+from collections.abc import Sequence
 from functools import cache, lru_cache
+from itertools import groupby
 
 from .places import VOWELLESS, latin
 from .spellings import (
     MOST_KEPT,
     always_says_kind,
     distinctive,
+    is_direction,
     is_only_a_kind,
+    is_title,
     kinds_of_road,
     road_readings,
     without_particles,
@@ -47,6 +51,8 @@ _LONGEST_SHORT = 5
 """Maximum length of a shortened word: of libpostal's abbreviations of kinds of roads, directions and titles, 92 of 100
 are no longer; 98 consist of letters of their words in the same order.
 """
+_FEWEST_INITIALS, _MOST_INITIALS = 2, 5
+"""Minimum and maximum number of words that are written by their initials (chosen)."""
 _ROMAN = re.compile("x{0,3}(?:ix|iv|v?i{0,3})")
 _LONGEST_ENDING = 4
 """Maximum number of letters in which the forms of a word differ at its end.
@@ -82,6 +88,58 @@ def is_abbreviated(typed: str, name: str) -> bool:
     short = [(word, whole) for word, whole in zip(words, held, strict=True) if word != whole]
     is_told = any(not kinds_of_road(word) for word in kept) or (bool(kept) and typed.count(".") >= len(short))
     return is_told and all(_shortens(word, whole) for word, whole in short)
+
+
+def has_initials(typed: str, name: str) -> bool:
+    """Return whether the typed text has initials of a name's words (``MG Road``: ``Mahatma Gandhi Road``).
+
+    Its other words are in the name, and the name has no more words than a kind of road, a direction and titles (``MLK
+    Blvd``: ``Dr. Martin Luther King Jr. Boulevard``). Two letters need a kind of road, because alone they mean much
+    else. The initials of one name fit others, so this identifies a name only if no other name fits.
+    """
+    words, kinds = _words_with_initials(typed), kinds_of_road(typed)
+    if not words or (kinds and kinds.isdisjoint(kinds_of_road(name))):
+        return False
+    return _spells(words, words_of_name(name), spelt=False, has_kind=bool(kinds))
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _words_with_initials(typed: str) -> tuple[str, ...]:
+    """Return the words, single letters in a row as one (``M. G. Road``); empty if none of them can be initials."""
+    words: list[str] = []
+    for is_letter, run in groupby(words_of_name(typed), key=lambda word: len(word) == 1):
+        several = list(run)
+        words += ["".join(several)] if is_letter else several
+    fewest = _FEWEST_INITIALS if kinds_of_road(typed) else _FEWEST_INITIALS + 1
+    initials = (word for word in words if not kinds_of_road(word) and not is_direction(word))
+    return tuple(words) if any(fewest <= len(word) <= _MOST_INITIALS for word in initials) else ()
+
+
+def _spells(typed: Sequence[str], name: Sequence[str], *, spelt: bool, has_kind: bool) -> bool:
+    """Return whether the typed words are words of a name or initials of several.
+
+    ``spelt``: initials were found before. ``has_kind``: the kind of road is typed, so the initials are not its own.
+    """
+    if not name:
+        return spelt and not typed
+    if _is_dropped(name[0]) and _spells(typed, name[1:], spelt=spelt, has_kind=has_kind):
+        return True
+    if not typed:
+        return False
+    first, rest = typed[0], typed[1:]
+    if not road_readings(first).isdisjoint(road_readings(name[0])) and _spells(
+        rest, name[1:], spelt=spelt, has_kind=has_kind
+    ):
+        return True
+    many = len(first)
+    initials = [word[0] for word in name[:many]]
+    is_spelt = _FEWEST_INITIALS <= many <= _MOST_INITIALS and initials == list(first)
+    is_free = has_kind or not any(map(kinds_of_road, name[:many]))
+    return is_spelt and is_free and _spells(rest, name[many:], spelt=True, has_kind=has_kind)
+
+
+def _is_dropped(word: str) -> bool:
+    return bool(kinds_of_road(word)) or is_direction(word) or is_title(word)
 
 
 def is_with_kind(typed: str, name: str) -> bool:

@@ -16,6 +16,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
+from ....schemas.maps import Box
 from ..ground import ground_distance_m
 from .places import place_keys
 
@@ -122,6 +123,16 @@ def country_of_nearest(position: tuple[float, float], countries: Iterable[str]) 
     if not ranked or math.isinf(ranked[0][0]) or (len(ranked) > 1 and ranked[1][0] <= _DOUBT * ranked[0][0]):
         return None
     return ranked[0][1]
+
+
+def countries_on(bounds: Box) -> frozenset[str]:
+    """Return the countries (ISO 3166-1 alpha-3) of the settlements with their centres in a box in degrees."""
+    south, west, north, east = bounds
+    return frozenset(
+        country
+        for latitude, longitude, country, _, _ in _positions()
+        if south <= latitude <= north and west <= longitude <= east
+    )
 
 
 @lru_cache(maxsize=4096)

@@ -8,6 +8,7 @@ order.
 import gzip
 import json
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from functools import cache, lru_cache
@@ -15,11 +16,11 @@ from itertools import islice, product
 from pathlib import Path
 from typing import Any
 
-from .places import fold, latin
+from .places import VOWELLESS, fold, latin
 
 _ABBREVIATIONS = Path(__file__).parent / "road_words.json.gz"
 """libpostal's abbreviations, its words for numbers and directions, its kinds of roads as word endings, and its words
-for crossings (``scripts/make_road_words.py``).
+for crossings; and the CLDR's spelt-out numbers (``scripts/make_road_words.py``).
 """
 _SAME_WORDS = """
 street: street st str strasse straat strada stradal rue ulitsa
@@ -182,6 +183,11 @@ _ROMAN_ORDINAL = re.compile(r"(?P<number>[ivx]+)(?:er|ere|re|e|eme)")
 """French ordinals with a Roman number (``Ier``)."""
 _ORDINAL_MARK = re.compile(r"(?<=\d)(?:\s*\.?[ºª°]|-[\u0400-\u04ff]{1,3}\b)")
 """What stands behind the digits of an ordinal in Romance languages and, with a hyphen, in Cyrillic (``1-я``)."""
+_SHORTEST_VOWELLESS = 4
+"""Minimum letters of a word without vowels that has a meaning: ``عبد`` (bd) is no boulevard (chosen)."""
+_SHORTEST_NUMBER = 3
+"""Minimum letters of a number's word: shorter ones are initials and syllables in other languages (chosen)."""
+_ROMAN_NUMBER = re.compile("[ivx]+")
 _MOST_READINGS = 32
 """Maximum number of compared readings of one name: ``St`` has two, and a name has few such words (chosen)."""
 MOST_KEPT = 50_000
@@ -238,17 +244,71 @@ def _meanings() -> dict[str, tuple[str, ...]]:
             itself = () if spelling in own else (spelling,)
             found[spelling] = tuple(dict.fromkeys((*found.get(spelling, itself), *meanings)))
     for word, values in table["numbers"].items():
-        if word not in _PARTICLES:
+        if word not in _PARTICLES and (len(word) >= _SHORTEST_NUMBER or _ROMAN_NUMBER.fullmatch(word)):
             found[word] = (*found.get(word, (word,)), *map(str, values))
+    for words, spelt in _spelt_numbers().items():
+        if " " not in words and words not in found:
+            found[words] = (words, *spelt)
     return found
+
+
+@cache
+def _spelt_numbers() -> dict[str, tuple[str, ...]]:
+    """Return the values of each spelt-out number, cardinal or ordinal, by its words."""
+    found: dict[str, tuple[str, ...]] = {}
+    for value, spellings in _table()["spelt_numbers"].items():
+        for words in spellings:
+            found[words] = (*found.get(words, ()), value)
+    return found
+
+
+@cache
+def _most_number_words() -> int:
+    return max(words.count(" ") + 1 for words in _spelt_numbers())
+
+
+def _as_numbers(words: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
+    """Return the words with the values of those that are a number; several words of one number become one."""
+    found = []
+    index = 0
+    while index < len(words):
+        for end in range(min(len(words), index + _most_number_words()), index + 1, -1):
+            joined = " ".join(words[index:end])
+            if (values := _spelt_numbers().get(joined)) is not None:
+                found.append((joined, values))
+                index = end
+                break
+        else:
+            found.append((words[index], ()))
+            index += 1
+    return found
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def is_one_number(before: str, between: str, after: str) -> bool:
+    """Return whether texts in a row end and begin with words of one number (``Rua Vinte``, ``e``, ``Cinco``)."""
+    first, middle, last = (list(words_of_name(text)) for text in (before, between, after))
+    most = _most_number_words() - len(middle)
+    return any(
+        " ".join((*first[-ahead:], *middle, *last[:behind])) in _spelt_numbers()
+        for ahead in range(1, min(len(first), most) + 1)
+        for behind in range(1, min(len(last), most - ahead) + 1)
+    )
 
 
 @lru_cache(maxsize=MOST_KEPT)
 def road_readings(name: str) -> frozenset[frozenset[str]]:
     """Return the possible readings of a road name, as sets of words; empty for a name without letters and digits."""
     readings = [_chinese(name)] if _chinese(name) else []
-    words = [word for word in map(latin, _split(name)) if word]
-    choices = [list(_word_readings(word)) for word in words]
+    written = {latin(word): word for word in _split(name)}
+    choices = [
+        [(value,) for value in values]
+        if values
+        else [(word,)]
+        if len(word) < _SHORTEST_VOWELLESS and VOWELLESS.search(written[word])
+        else list(_word_readings(word))
+        for word, values in _as_numbers([word for word in map(latin, _split(name)) if word])
+    ]
     readings += islice(product(*choices), _MOST_READINGS)
     meant = [[word for words in reading for word in words] for reading in readings]
     return frozenset(frozenset(words) for words in _without_repeated_kinds(meant) if words)
@@ -281,7 +341,8 @@ def _without_particles(reading: frozenset[str]) -> frozenset[str]:
 
 def has_same_numbers(one: str, other: str) -> bool:
     """Return True if two names differ at most in how they write numbers (``Primeiro de Maio``, ``1º de Maio``)."""
-    words = [Counter(words_of_name(_ORDINAL_MARK.sub("", name))) for name in (one, other)]
+    numbered = [_as_numbers(words_of_name(_ORDINAL_MARK.sub("", name))) for name in (one, other)]
+    words = [Counter(word for word, _ in each) for each in numbered]
     left = list((words[0] - words[1]).elements()), list((words[1] - words[0]).elements())
     numbers = [[_numbers_meant(word) for word in each] for each in left]
     return len(left[0]) == len(left[1]) <= 1 and all(
@@ -290,6 +351,9 @@ def has_same_numbers(one: str, other: str) -> bool:
 
 
 def _numbers_meant(word: str) -> frozenset[str]:
+    """Return the numbers that a word, or several of them, may be."""
+    if " " in word:
+        return frozenset(_spelt_numbers()[word])
     return frozenset(one for reading in _word_readings(word) for one in reading if one.isdecimal())
 
 
@@ -330,6 +394,22 @@ def kinds_of_road(name: str) -> frozenset[str]:
     return frozenset(word for reading in road_readings(name) for word in reading & _KINDS)
 
 
+def is_direction(word: str) -> bool:
+    """Return True if a word may be a direction in a road's name."""
+    return any(reading & _DIRECTIONS for reading in road_readings(word))
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def is_title(word: str) -> bool:
+    """Return True for a title before or after a person's name (``doctor``, ``jr``)."""
+    return word in _titles()
+
+
+@cache
+def _titles() -> frozenset[str]:
+    return frozenset(_table()["titles"])
+
+
 def always_says_kind(name: str) -> bool:
     """Return whether every reading of a name has a kind of road: ``C`` in ``M.C. Briones`` need not be ``Calle``."""
     return all(reading & _KINDS for reading in road_readings(name))
@@ -356,7 +436,13 @@ def without_particles(words: Sequence[str]) -> tuple[str, ...]:
 def _split(name: str) -> list[str]:
     name = _ORDINAL_MARK.sub(" ", name)
     plain = re.sub(r"['’ʼ`´]", "", _CONTRACTED.sub(r"\1\2", name.casefold())).replace("&", " and ")
-    return [word for word in re.split(r"[\W_]+", plain) if word]
+    return "".join(letter if _is_in_word(letter) else " " for letter in plain).split()
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _is_in_word(letter: str) -> bool:
+    """Return whether a character is part of a word: vowel signs, as in Devanagari, are marks and not letters."""
+    return letter.isalnum() or unicodedata.category(letter).startswith("M")
 
 
 def _word_readings(word: str) -> tuple[tuple[str, ...], ...]:

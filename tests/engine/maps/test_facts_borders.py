@@ -3,8 +3,10 @@ from pathlib import Path
 
 import pytest
 
+from plannerforge.engine.maps import MapEntry, find_maps
 from plannerforge.engine.maps.facts import countries_near, facts_of
 from plannerforge.engine.maps.osm import OsmMap, OsmNode, OsmWay
+from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.generation import ReadMapRequest
 
 
@@ -83,3 +85,27 @@ def test_no_real_extract_gets_a_wrong_country(shared_data: Path) -> None:
     unknown = [name for name, (country, _) in found.items() if country is None]
     assert len(unknown) < len(places) / 10, "only the smallest countries are not in the outlines"
     assert [name for name, (country, true) in found.items() if country not in (None, true)] == []
+
+
+def test_a_map_on_both_sides_of_a_border_shows_both_countries() -> None:
+    constance = (47.640, 9.160, 47.680, 9.190)
+    nodes = {
+        1: OsmNode(1, *constance[:2], {"addr:country": "DE", "place": "city", "name": "Konstanz"}),
+        2: OsmNode(2, *constance[2:], {}),
+    }
+    road = OsmWay(3, (1, 2), {"highway": "residential", "name": "Hauptstrasse"})
+    facts = facts_of(OsmMap(nodes, (road,), (), None), ReadMapRequest(path="a.osm", map_id="map_a"))
+    assert (facts.country, facts.countries_near) == ("DEU", ("CHE",))
+    for country in ("Deutschland", "Switzerland"):
+        assert find_maps([MapEntry(facts, Path("a.osm"))], place=f"Hauptstrasse, Konstanz, {country}")
+    with pytest.raises(UnknownName):
+        find_maps([MapEntry(facts, Path("a.osm"))], place="Hauptstrasse, Konstanz, France")
+
+
+def test_a_map_without_names_is_called_by_the_settlement_around_it() -> None:
+    box = around(-7.28, 112.74)
+    nodes = {1: OsmNode(1, *box[:2], {}), 2: OsmNode(2, *box[2:], {})}
+    road = OsmWay(3, (1, 2), {"highway": "residential", "name": "Jalan Darmo"})
+    facts = facts_of(OsmMap(nodes, (road,), (), None), ReadMapRequest(path="a.osm", map_id="map_a"))
+    assert facts.place == "Surabaya"
+    assert find_maps([MapEntry(facts, Path("a.osm"))], place="Jalan Darmo, Surabaya")

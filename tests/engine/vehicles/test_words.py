@@ -27,6 +27,7 @@ def test_a_class_means_itself_in_any_number_and_case(name: str) -> None:
             ("piéton", "pedestrian"),
         ),
         *(("furgoneta", "delivery"), ("camionnette", "delivery"), ("bromfiets", "moped"), ("машина", "car")),
+        *(("트럭", "truck"), ("вантажівка", "truck"), ("کامیون", "truck"), ("xe tải", "truck")),
         *(("hgv", "truck"), ("passenger", "car"), ("priorityVehicle", "emergency"), ("person", "pedestrian")),
     ],
 )

@@ -5,7 +5,13 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.maps.index import Closeness, MapEntry, built_in_maps, find_maps
-from plannerforge.engine.maps.naming.alike import is_abbreviated, is_half_of, is_transliterated, is_with_kind
+from plannerforge.engine.maps.naming.alike import (
+    has_initials,
+    is_abbreviated,
+    is_half_of,
+    is_transliterated,
+    is_with_kind,
+)
 from plannerforge.schemas.errors import UnknownName, with_values
 
 
@@ -62,6 +68,75 @@ def test_words_may_be_shortened(typed: str, name: str) -> None:
 )
 def test_another_name_is_not_shortened(typed: str, name: str) -> None:
     assert not is_abbreviated(typed, name)
+
+
+@pytest.mark.parametrize(
+    ("typed", "name"),
+    [
+        ("MG Road", "Mahatma Gandhi Road"),
+        ("M.G. Road", "Mahatma Gandhi Road"),
+        ("MLK Blvd", "Dr. Martin Luther King Jr. Boulevard"),
+        ("JFK", "John F. Kennedy Boulevard"),
+        ("NSC Bose Road", "Netaji Subhash Chandra Bose Road"),
+        ("Av. JK", "Avenida Juscelino Kubitschek"),
+        ("WHC Road", "West High Court Road"),
+    ],
+)
+def test_initials_stand_for_words_of_a_name(typed: str, name: str) -> None:
+    assert has_initials(typed, name)
+
+
+@pytest.mark.parametrize(
+    ("typed", "name"),
+    [
+        ("MG Street", "Mahatma Gandhi Road"),
+        ("MG", "Mahatma Gandhi Road"),
+        ("MG Road", "Mahatma Gandhi Station Road"),
+        ("GM Road", "Mahatma Gandhi Road"),
+        ("Main Road", "Mahatma Gandhi Road"),
+        ("S Road", "South Road"),
+    ],
+)
+def test_other_letters_are_not_the_initials_of_a_name(typed: str, name: str) -> None:
+    assert not has_initials(typed, name)
+
+
+def test_initials_are_accepted_only_for_a_single_road_of_the_map() -> None:
+    one = a_map("Mahatma Gandhi Road", "Residency Road")
+    assert find_maps([one], place="MG Road")[0].streets == (("Mahatma Gandhi Road",),)
+    with pytest.raises(UnknownName):
+        find_maps([a_map("Mahatma Gandhi Road", "Mount Gilbert Road")], place="MG Road")
+
+
+def test_a_country_s_code_is_not_the_initials_of_a_street() -> None:
+    with pytest.raises(UnknownName):
+        find_maps([a_map("Jan Paul Neumann Weg", country="DEU")], place="JPN")
+
+
+@pytest.mark.parametrize(
+    ("words", "street"),
+    [
+        ("Rua Vinte e Cinco de Março", "Rua 25 de Março"),
+        ("Rua 25 de Março", "Rua Vinte e Cinco de Março"),
+        ("Twenty-Fifth Street", "25th Street"),
+        ("Calle Treinta y Uno", "Calle 31"),
+        ("Rue du Quatre-Vingt-Neuvième Régiment", "Rue du 89e Régiment"),
+        ("Fünfundzwanzigste Straße", "25. Straße"),
+        ("улица Двадцать Пятого Октября", "улица 25 Октября"),
+    ],
+)
+def test_several_words_may_be_one_number(words: str, street: str) -> None:
+    assert find_maps([a_map(street)], place=words)[0].streets == ((street,),)
+
+
+def test_a_number_of_several_words_is_not_a_crossing_of_two_numbered_streets() -> None:
+    with pytest.raises(UnknownName):
+        find_maps([a_map("Rua Vinte", "Rua Cinco")], place="Rua Vinte e Cinco")
+
+
+def test_words_of_arabic_that_lack_vowels_are_no_abbreviations() -> None:
+    with pytest.raises(UnknownName):
+        find_maps([a_map("شارع عاصم عبد الحميد", country="EGY")], place="SM Boulevard")
 
 
 def test_a_kind_of_road_may_be_added_to_a_name_without_one() -> None:

@@ -304,6 +304,43 @@ def test_proposals_in_a_known_town_are_in_it_and_can_be_found(words: str, near: 
         assert find_maps(maps, place=str(places["place"]))[0].entry is not BROSSARD
 
 
+@pytest.mark.parametrize(
+    ("words", "corrected"),
+    [
+        ("Alexanderplats", "Alexanderplatz"),
+        ("Alexanedrplatz", "Alexanderplatz"),
+        ("Alexxanderplatz, Seattle", "Alexanderplatz, Seattle"),
+        ("Franzosische Strase", "Französische Straße"),
+        ("Pine Street / Alexandrplatz", "Pine Street / Alexanderplatz"),
+    ],
+)
+def test_a_misspelt_name_is_refused_and_its_correction_proposed_first(words: str, corrected: str) -> None:
+    maps = [a_map("Alexanderplatz", "Französische Straße", "Pine Street"), SYDNEY]
+    with pytest.raises(UnknownName) as refusal:
+        find_maps(maps, place=words)
+    assert refusal.value.remedies[0].changes[0].values == {"place": corrected}
+    assert find_maps(maps, place=corrected)[0].entry is maps[0]
+
+
+def test_a_short_name_is_not_corrected_into_another() -> None:
+    with pytest.raises(UnknownName) as refusal:
+        find_maps([a_map("Elm")], place="Oak")
+    assert not refusal.value.remedies
+
+
+@pytest.mark.parametrize(
+    "words", ["Pine Street, Portland, Seattle", "Pine Street, 서울, Seattle", "Pine Street, Neverville, USA"]
+)
+def test_a_town_elsewhere_is_not_replaced_by_the_map(words: str) -> None:
+    with pytest.raises(UnknownName):
+        find_maps([a_map("Pine Street")], place=words)
+
+
+def test_a_part_that_the_map_does_not_name_is_reported_next_to_its_town() -> None:
+    match = find_maps([a_map("Pine Street")], place="Pine Street, Old Quarter, Seattle")[0]
+    assert match.unnamed == ("Old Quarter",)
+
+
 def test_streets_of_another_town_are_not_proposed_for_a_town_that_is_not_available() -> None:
     with pytest.raises(UnknownName, match="similar name") as refusal:
         find_maps([BROSSARD, SYDNEY], place="Ilica, Zagreb")
