@@ -51,7 +51,8 @@ async def cannot_ask(question: Question) -> str | None:
 
 
 class Recent:
-    """The artifacts and jobs that one client made or chose, latest last: the meaning of its ``latest`` and ``current``.
+    """The artifacts and jobs that one client made or chose, the latest last; they define its ``latest`` and
+    ``current``.
 
     A client is a session of the protocol. Other clients of the workspace do not affect it.
     """

@@ -261,7 +261,8 @@ class _Pace:
         return found
 
     def _settled(self, first: int, causes: list[_Cause]) -> Iterator[PaceMoment]:
-        """Yield stretches of one code; a stretch shorter than a start belongs to the stretch before or after it."""
+        """Yield stretches of one code; a stretch shorter than a start takes belongs to the stretch before or after it.
+        """
         runs: list[list[int]] = []
         for index, cause in enumerate(causes):
             if runs and causes[runs[-1][0]].code == cause.code:
@@ -569,7 +570,9 @@ class _Pace:
         return found
 
     def _who_crosses(self, index: int) -> int | None:
-        """Return the road user that a standing ego waits for: it crosses or enters the path sooner than accepted."""
+        """Return the road user that a standing ego waits for: one that crosses or enters the path within the accepted
+        gap.
+        """
         front = float(self._stations[index]) + self._ego.length_m / 2
         until = index + round(CRITICAL_HEADWAY_S / self._step_s)
         for other in self._on_path:

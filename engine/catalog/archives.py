@@ -158,7 +158,7 @@ def _extract(archive: zipfile.ZipFile, folder: Path) -> None:
 
 @contextmanager
 def _writing(target: Path) -> Iterator[Callable[[bytes], None]]:
-    """Yield a function that writes blocks into a new file; a full disk is not reported as the archive's fault.
+    """Yield a function that writes blocks to a new file; report a full disk as such, not as a fault of the archive.
 
     Raises:
         ResourceFailure: the disk cannot be written.

@@ -91,8 +91,8 @@ class LoadedScenario:
 
     ``plain_states``: by obstacle id, the states after the initial one that were read as arrays: points and exact
     headings. ``ego_classes``: the ego's class by planning problem; cars are left out. ``friction``: the friction
-    coefficient of the roads, or None if the file has none. ``edited``: what edits in memory prescribe; None for a
-    scenario as in its file, which then states it.
+    coefficient of the roads, or None if the file has none. ``edited``: what edits in memory prescribe; None if the
+    scenario is as in its file, which then contains these.
     """
 
     scenario: "Scenario"

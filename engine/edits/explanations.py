@@ -521,7 +521,7 @@ _MISSED: Mapping[str, str] = {
 
 
 def _is_set_anew(step: EditStep, key: int, later: Sequence[EditStep]) -> bool:
-    """Return True if later edits set all of an edit's parameters to values independent of the earlier values."""
+    """Return True if later edits set all parameters of an edit again, to values independent of the earlier values."""
     of_vehicle = [other.parameters for other in later if key in other.vehicles]
     anew = {name for parameters in of_vehicle for name, is_whatever in parameters.items() if is_whatever}
     return bool(step.parameters) and anew.issuperset(step.parameters)
@@ -551,7 +551,7 @@ def _sent_elsewhere(step: EditStep, plan: DrivePlan, targets: frozenset[int]) ->
 
 
 def _next_speed(step: EditStep, plan: DrivePlan) -> Manoeuvre | None:
-    """Return the speed order that comes next in time after the edit's own order, or None."""
+    """Return the next speed order after the edit's own, or None if there is none."""
     wanted, first = step.speeds[plan.start.obstacle_id]
     own = Manoeuvre(first, speed_mps=wanted)
     after = plan.manoeuvres[plan.manoeuvres.index(own) + 1 :]

@@ -186,7 +186,7 @@ def _known(vehicle_id: int, scene: Scene, changes: Changes) -> int:
 
 
 def _gone(scene: Scene, changes: Changes) -> set[int]:
-    """Return the vehicles that edits removed, including added vehicles that were removed again."""
+    """Return the vehicles that edits removed, including those that an earlier edit had added."""
     return {*changes.removed, *(key for added in changes.added_by_edit for key in added if key not in scene.tracks)}
 
 

@@ -289,7 +289,7 @@ class JobRunner:
             self._finish(job_id, _JobEnd(state, progress.results, error))
 
     def _finish(self, job_id: str, end: "_JobEnd") -> None:
-        """Record how a job ended, forget it, and notify those that wait for it."""
+        """Record how a job ended, drop it from memory, and notify everyone who waits for it."""
         self._unrecorded[job_id] = end
         self._record_missed_ends()
         self._own.pop(job_id, None)

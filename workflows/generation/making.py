@@ -173,7 +173,7 @@ _RECORDED = (
 
 
 def recipe_of(request: GenerationRequest) -> Recipe:
-    """Return the request without paths as a recipe; the map counts by its content."""
+    """Return the request without paths as a recipe, which identifies the map by its content."""
     dumped = request.model_dump(mode="json")
     arguments = {name: dumped[name] for name in _RECORDED if name in dumped}
     arguments["map_content"] = content_digest(Path(request.map_path))

@@ -29,7 +29,7 @@ def verdicts(checks: Checks) -> tuple[list[str], list[str]]:
 
 
 def kept_report(artifact: Artifact, context: WorkflowContext) -> GeneratedScenario | None:
-    """Return the report of a scenario's generation; None for scenarios of other origin."""
+    """Return the report of a scenario's generation; None for a scenario that was not generated."""
     path = context.workspace.folder("scenario", artifact.artifact_id) / REPORT
     return GeneratedScenario.model_validate_json(path.read_bytes()) if path.is_file() else None
 
