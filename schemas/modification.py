@@ -47,7 +47,7 @@ AMBIGUOUS_VEHICLE: Final = "which_vehicle"
 
 
 class EditKind(NamedTuple):
-    """The tool's knowledge of an operation: the paper's letter, and its arguments."""
+    """The definition of an operation: the paper's letter for it, and its arguments."""
 
     letter: Letter
     arguments: tuple[str, ...]
@@ -415,7 +415,9 @@ class ModifyScenarioResult(Result):
         return _within(sentences, characters * (3 if self.detail == "checks" else 1))
 
     def _edit_lines(self) -> Iterator[str]:
-        """Yield one line per edit with its verdict, and the routes of vehicles that it sends somewhere, or of all."""
+        """Yield one line per edit with its verdict, and the routes of all vehicles or only of those that it sends
+        somewhere.
+        """
         most, rest = self._most(_MOST_EDITS)
         sentences = self._shortened([edit.what for edit in self.edits[:most]], _EDITS_CHARACTERS)
         for edit, what in zip(self.edits, sentences, strict=False):

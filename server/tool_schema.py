@@ -25,7 +25,7 @@ _LENGTHS = ("minItems", "maxItems")
 def described_tool(spec: ToolSpec) -> Tool:
     """Return the tool with its description, schemas and annotations, without importing its models.
 
-    The description is built from the models if the tool, still in development, has no description file.
+    If a tool that is still in development has no description file, its description is built from the models.
     """
     file = files("plannerforge.server").joinpath("descriptions", f"{spec.name}.json")
     if not file.is_file():

@@ -405,8 +405,7 @@ class _Drive:
         return bool(sightings) and (not then or then[-1].code not in REPORTED)
 
     def _sight(self, sightings: Sequence[Sighting], hit_step: int) -> Sight | None:
-        """Return the ``Sight`` of a road user that is hit at a step, or None if the planner received it at every step.
-        """
+        """Return the ``Sight`` of a road user that is hit at a step, or None if the planner always received it."""
         before = [one for one in sightings if one.step <= hit_step]
         last = max((at for at, one in enumerate(before) if one.code not in REPORTED), default=-1)
         if last < 0:

@@ -261,8 +261,7 @@ class _Pace:
         return found
 
     def _settled(self, first: int, causes: list[_Cause]) -> Iterator[PaceMoment]:
-        """Yield stretches of one code; a stretch shorter than a start takes belongs to the stretch before or after it.
-        """
+        """Yield stretches of one code; merge a stretch shorter than a start takes with the one before or after it."""
         runs: list[list[int]] = []
         for index, cause in enumerate(causes):
             if runs and causes[runs[-1][0]].code == cause.code:

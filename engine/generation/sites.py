@@ -246,7 +246,7 @@ def _meet(osm: OsmMap, streets: tuple[tuple[str, ...], ...]) -> bool:
 
 
 def _ring_fault(finder: SiteFinder, request: GenerationRequest) -> str:
-    """Return why a way tagged as a roundabout on the requested streets is not one; empty without a way like this."""
+    """Return why a way tagged as a roundabout on the requested streets is not one; empty if there is no such way."""
     for part, fault in finder.ring_faults():
         ring = Site("roundabout", *part.position, part.streets, part.mark)
         if _passes_by(ring, request) and _is_in_box(ring, request):
@@ -413,7 +413,7 @@ def _fitting_by_links(
 ) -> dict[SiteType, list[Site]]:
     """Return the fitting sites that links belong to, for each kind that has some.
 
-    Links make a junction only of several requested streets; the ring of a roundabout may be made of them anyway. A
+    Links make a junction only of several requested streets; the ring of a roundabout may always consist of links. A
     single street without an urban junction is itself an urban site if it has houses.
     """
     possible = [kind for kind in kinds if kind == "roundabout" or len(request.streets) > 1]
@@ -504,7 +504,7 @@ LEAST_ARMS = 3
 
 
 def why_not_realised(site: Site, net: SumoNet) -> str | None:
-    """Return why the net lacks the features of the site's type near the site's middle, or None if it has them."""
+    """Return why the net lacks the features of the site's type near the site's centre, or None if it has them."""
     middle = middle_of(site, net)
     judges: dict[SiteType, Callable[[], bool]] = {
         "roundabout": lambda: bool(_ring_edges_at(site, net, middle)),
@@ -695,7 +695,9 @@ class SiteFocus:
         return max(len(self._areas), 1)
 
     def parts_passed(self, car: GeneratedVehicle, last_step: int) -> int:
-        """Count the areas that the car's centre passes up to a step; 0 without the first, 1 if a road is the site."""
+        """Count the areas that the car's centre passes up to a step; 0 if it misses the first, always 1 if a road is
+        the site.
+        """
         from shapely import contains_xy
 
         if not self._areas:
@@ -715,7 +717,8 @@ class SiteFocus:
     def inside(self, car: GeneratedVehicle) -> NDArray[np.bool_]:
         """Return a mask of the steps at which the car's centre is on the ring, or in the junctions of the site.
 
-        At a site of several junctions, the edges between them count. If a road or a ramp is the site, all are False.
+        At a site of several junctions, the edges between them count as inside. If a road or a ramp is the site, all
+        entries are False.
         """
         from shapely import contains_xy
 

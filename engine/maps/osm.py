@@ -208,7 +208,7 @@ def _names_a_place(way: OsmWay) -> bool:
 def _parted_at_antimeridian(ways: list[OsmWay], nodes: Mapping[int, OsmNode]) -> list[OsmWay]:
     """Split ways at the antimeridian; further parts of a way have new ids.
 
-    Longitudes jump by 360 degrees there, so measuring, cutting or drawing the way would lead around the world.
+    Longitudes jump by 360 degrees there, so measuring, cutting or drawing an unsplit way would go around the world.
     """
     new_ids = count(max((way.way_id for way in ways), default=0) + 1)
     parted: list[OsmWay] = []
@@ -226,7 +226,7 @@ def _parted_at_antimeridian(ways: list[OsmWay], nodes: Mapping[int, OsmNode]) ->
 
 
 def _forget(element: Any) -> None:
-    """Free the memory of what has been read: the element's content, and all elements before it."""
+    """Free the memory of what has been read: the element's content and all elements before it."""
     element.clear()
     while element.getprevious() is not None:
         del element.getparent()[0]

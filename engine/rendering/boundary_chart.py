@@ -1,4 +1,4 @@
-"""The map of where planners fail over two parameters, with the edges of the reference drivers."""
+"""The map of where planners fail over two parameters, with the limits of the reference drivers."""
 
 from typing import TYPE_CHECKING, Any, Literal
 

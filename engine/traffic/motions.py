@@ -29,7 +29,7 @@ FARTHEST_ASTRAY_M = 4.0
 
 @dataclass(frozen=True)
 class GeneratedVehicle:
-    """A generated vehicle from step 0 on: its class, its motion of the centre, and whether that can be driven."""
+    """A generated vehicle from step 0 on: its class, the motion of its centre, and whether the motion can be driven."""
 
     vehicle_id: str
     vehicle_class: VehicleClass

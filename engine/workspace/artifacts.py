@@ -124,7 +124,7 @@ class Workspace:
         """Keyed by whole rows, which are read each time, so that changes of other servers are visible."""
 
     def limit_room(self, admits: Callable[[int], None]) -> None:
-        """Let ``admits`` approve everything before it is stored, by its size in bytes; it may free space or raise an
+        """Have ``admits`` approve everything before it is stored, by its size in bytes; it may free space or raise an
         error.
         """
         self._admits = admits

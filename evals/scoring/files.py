@@ -80,7 +80,8 @@ class Body:
 
 @dataclass(frozen=True)
 class RoadUser:
-    """An obstacle of a file; ``states`` by step, in order. A circle or polygon is replaced by its bounding rectangle.
+    """An obstacle of a file; ``states`` by step, in order. Circles and polygons are replaced by their bounding
+    rectangles.
     """
 
     key: int

@@ -154,7 +154,7 @@ def _rural(made: MadeFiles, evidence: MapEvidence) -> bool:
 
 
 def _highway(made: MadeFiles, evidence: MapEvidence) -> bool:
-    """Return whether there is a motorway at the scenario's centre; without motorways on the map, a fast trunk road
+    """Return whether there is a motorway at the scenario's centre; on a map without motorways, a fast trunk road
     counts.
     """
     limits = evidence.limits_kmh(made.latitude, made.longitude, AT_M)
@@ -318,8 +318,7 @@ _STATED = "density missed"
 
 @dataclass(frozen=True)
 class DensityVerdict:
-    """Vehicles per kilometre of lane at the start, including the ego; ``stated`` means that the answer admits a miss.
-    """
+    """Vehicles per kilometre of lane at the start, including the ego; ``stated``: whether the answer admits a miss."""
 
     target: float
     found: float

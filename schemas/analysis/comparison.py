@@ -116,7 +116,9 @@ class PairedRun(Model):
 
 
 class Flip(Model):
-    """A scenario in which only one side succeeded; ``why`` says who hit whom in a collision, and what prevents it."""
+    """A scenario in which only one side succeeded; for a collision, ``why`` says who hit whom and what would prevent
+    it.
+    """
 
     scenario_id: str
     before: Outcome = Field(description="outcome of the baseline's run")
@@ -139,7 +141,7 @@ class WeightChange(Model):
 class SuccessTest(Model):
     """The pairs by success, and the paired difference in success rates with its 95% interval and exact p value.
 
-    The scenario is the unit: pairs of one scenario count only by their difference (docs/statistics.md). If no
+    The scenario is the unit: the pairs of one scenario together count as one difference (docs/statistics.md). If no
     difference is shown, ``needed`` is the number of scenarios that would show one of ten points.
     """
 

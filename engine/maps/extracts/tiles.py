@@ -161,7 +161,7 @@ class TileStore:
         self._database.commit()
 
     def keep(self) -> None:
-        """Commit what was written; otherwise the log of changes would contain all of it a second time."""
+        """Commit what was written; otherwise the log of changes would grow to contain all of it a second time."""
         self._database.commit()
 
     def is_sound(self) -> bool:

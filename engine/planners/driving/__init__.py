@@ -1,1 +1,1 @@
-"""What a vehicle can drive: the limits of planned and driven motions, and solution files of driven runs."""
+"""Limits on what a vehicle can drive, for planned and driven motions, and solution files of driven runs."""

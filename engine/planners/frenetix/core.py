@@ -177,7 +177,7 @@ def _rotation(angle_rad: float) -> Points:
 class CurvilinearState:
     """Arc length and lateral offset, with two derivatives each.
 
-    At low speed (``low_speed``) the lateral derivatives are by arc length, otherwise by time.
+    The lateral derivatives are with respect to arc length at low speed (``low_speed``), otherwise with respect to time.
     """
 
     longitudinal: Values

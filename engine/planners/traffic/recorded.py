@@ -79,7 +79,7 @@ class RecordedTraffic:
             scenario: The scenario of commonroad-io.
             without: Ids of obstacles to leave out.
             tracks: The tracks of its trajectories, if known.
-            exact: Obstacles with exact points and headings in all states after the first.
+            exact: The obstacles that have exact points and headings in all states after the first.
         """
         dynamic, static = scenario.dynamic_obstacles, scenario.static_obstacles
         tracks = _all_tracks(dynamic, recorded_tracks(scenario) if tracks is None else tracks)
