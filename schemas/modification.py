@@ -261,7 +261,8 @@ class EditCollision(Model):
 
 
 class EgoDanger(Model):
-    """The most critical figures of an ordinarily driving ego; None if no road user is near or would be met within 60 s.
+    """The most critical figures of an ego with an ordinary driver; None if no road user is near or would be met within
+    60 s.
 
     ``risk_score`` ranges from 0 (collision) through 1 (extreme), 2 (high), 3 (medium) and 4 (low) to 5 (negligible)
     (From Words to Collisions). ``most_critical_*`` describe the road user at the lowest score: the first collision,

@@ -83,7 +83,9 @@ class Recent:
         return copied
 
     def is_first_report(self, kind: MadeKind) -> bool:
-        """Return True only the first time, so that the client learns once that a kind's newest item is not its own."""
+        """Return True only the first time, so that a client learns only once that a kind's newest item is not
+        its own.
+        """
         with self._lock:
             is_first_report = kind not in self._reported
             self._reported.add(kind)

@@ -280,7 +280,7 @@ class _Drive:
         )
 
     def nearest_moments(self) -> tuple[Encounter | None, Encounter | None]:
-        """Return the moments of the smallest gap and the shortest time to collision; of equal values, the first."""
+        """Return the moments of the smallest gap and of the shortest time to collision; the first moment wins a tie."""
         others = list(self._tracks.values())
         met = encounters(self._ego, others)
         if not len(met.state):

@@ -300,7 +300,7 @@ class _Pace:
                 yield self._moment(_Cause("held_up", most), first, last)
 
     def _brakings(self) -> Iterator[PaceMoment]:
-        """Yield stretches in which the ego slowed down, at some time by 2 m/s² or more."""
+        """Yield stretches in which the ego slowed down, at its hardest by 2 m/s² or more."""
         felt = self._drive.acceleration_mps2.copy()
         felt[:1] = 0.0  # the planner does not decide how the run began
         for first, last in _stretches(felt <= -GENTLE_MPS2):

@@ -1,7 +1,8 @@
 """Download an archive of scenarios, check its hash, and unpack it within limits.
 
-pooch also downloads files with a known hash, but accepts a download of any length. To limit it, we would need our own
-downloader (most of this module) and pooch's dependencies (requests, platformdirs, packaging).
+pooch also downloads files with a known hash, but accepts a download of any length. With pooch, a limit on the length
+would still need most of this module, as a custom downloader, in addition to pooch's dependencies (requests,
+platformdirs, packaging).
 """
 
 import hashlib

@@ -210,7 +210,7 @@ def remove_damaged(root: Path, parts: Sequence[Path] | None = None) -> list[Path
 
 
 def _is_sound(file: Path) -> bool:
-    """Return whether SQLite finds no fault in a file; a locked file is in use, and so sound."""
+    """Return whether SQLite finds no fault in a file; a locked file is in use and therefore counts as sound."""
     connection = sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True)
     try:
         return bool(connection.execute("PRAGMA quick_check(1)").fetchone() == ("ok",))

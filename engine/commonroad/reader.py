@@ -227,7 +227,7 @@ def kept_recording(path: Path, size_bytes: int | None = None, *, keep: bool = Tr
 
 @dataclass(frozen=True)
 class _Content:
-    """The content of a file at any path; the other fields state where, and with which limits, it is first read."""
+    """The content of a file, equal for equal digests; ``path``, ``limits`` and ``keep`` state how it is first read."""
 
     digest: str
     path: Path = field(compare=False)

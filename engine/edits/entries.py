@@ -200,7 +200,7 @@ def _would_reach(
 
 
 def _stopping_distance_m(speed_mps: float, friction: float | None) -> float:
-    """Return a driver's stopping distance from a speed or, for a closing speed, how much closer it comes."""
+    """Return a driver's stopping distance at a speed; for a closing speed, the distance that the gap shrinks by."""
     return speed_mps * HARD_BRAKING_REACTION_S + speed_mps**2 / (2 * hardest_braking_mps2(friction))
 
 

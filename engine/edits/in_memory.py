@@ -219,7 +219,7 @@ class _Touched:
         self.obstacles[track.obstacle_id] = _obstacle(new, _shape(size), track.kind)
 
     def move(self, track: Track) -> None:
-        """Give a road user its recording, moved in time: the values stay as they are."""
+        """Give a road user its recording, moved in time, with unchanged values."""
         old = self._obstacle(track.obstacle_id)
         self.tracks[track.obstacle_id] = track
         self.obstacles[track.obstacle_id] = _obstacle(track, old.obstacle_shape, track.kind)

@@ -300,7 +300,7 @@ def _fitting(what: str, vehicles: Sequence[int], scene: Scene) -> tuple[int, ...
 
 
 def _first(selector: Selector, tracks: dict[int, Track], count: int, rank: Callable[[Track], float]) -> tuple[int, ...]:
-    """Return the first vehicles by rank; the rank of the last must differ from that of the next."""
+    """Return the first vehicles by rank; refuse a tie between the last of them and the next vehicle."""
     order = sorted(tracks, key=lambda key: (rank(tracks[key]), key))
     chosen, bound = order[:count], rank(tracks[order[:count][-1]])
     alike = [key for key in order if abs(rank(tracks[key]) - bound) < _TIE]

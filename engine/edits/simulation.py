@@ -207,7 +207,7 @@ def plans_giving_way(
 ) -> dict[int, DrivePlan]:
     """Return plans in which one vehicle of every overlapping pair has one more halt, if it can still stop.
 
-    A handed-over vehicle waits rather than an edited one; of two handed-over vehicles, the later one waits.
+    A handed-over vehicle waits rather than an edited one; if both were handed over, the later one waits.
 
     Args:
         plans: those of the driven vehicles, with new motions in ``tracks``.

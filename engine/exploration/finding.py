@@ -89,7 +89,7 @@ def _nominal(run: DrivenRun, step_s: float) -> NominalMotion:
 
 
 def propose_points(request: ProposalsRequest, report: ProgressReporter) -> ProposedPoints:
-    """Return the points that follow after the given scores, which are those of whole batches."""
+    """Return the next points of a search after the given scores, which are those of whole batches."""
     report(0.0, "choosing the next points")
     strata = [Stratum(name, dimensions) for name, dimensions in request.strata]
     scores = [Score(score.value, score.cell) for score in request.scores]

@@ -109,7 +109,7 @@ def nearest_values(
     halvings: int = 1,
     decimals: int = 6,
 ) -> NearValues:
-    """Move values towards their base, one after the other, as long as the failure remains, and return them.
+    """Return values that are moved towards their base, one after the other, as far as the failure remains.
 
     Args:
         values: the values with which the failure occurs.

@@ -117,7 +117,9 @@ class SiteWays:
 
     @cached_property
     def _outwards(self) -> Mapping[str, float]:
-        """The directions from the site along each entry and exit on its own, over one diameter of the site."""
+        """The directions from the site along each entry and each exit, measured separately over one diameter of the
+        site.
+        """
         towards = {edge: direction_rad(self._road(edge, self._before)[::-1], self.diameter_m) for edge in self.entries}
         return towards | {edge: direction_rad(self._road(edge, self._after), self.diameter_m) for edge in self.exits}
 

@@ -218,7 +218,7 @@ def _write_lanelet(root: etree._Element, lanelet: RoadLanelet, signs: list[int],
 
 
 def _write_walkway(root: etree._Element, walkway: Walkway) -> None:
-    """Append a footway: pedestrians walk on it in both directions, and it leads vehicles nowhere."""
+    """Append a footway: open to pedestrians in both directions, and not connected to lanelets for vehicles."""
     element = etree.SubElement(root, "lanelet", {"id": str(walkway.lanelet_id)})
     for tag, line in (("leftBound", walkway.left), ("rightBound", walkway.right)):
         bound = etree.SubElement(element, tag)

@@ -389,7 +389,7 @@ def _is_on_map(facts: MapFacts, part: str) -> bool:
 
 
 def _find_town(place: str, found: Sequence[MapMatch]) -> _Town | None:
-    """Return the last comma-separated part that is an available map's town; None if there is only one part."""
+    """Return the last comma-separated part that is the town of an available map; None if the text has only one part."""
     listed = listed_parts(place)
     for index in reversed(range(len(listed) if len(listed) > 1 else 0)):
         if maps := tuple(map_ for map_ in found if _is_town_of(listed[index], map_.entry.facts)):
@@ -855,7 +855,7 @@ def _read_place(part: str, facts: MapFacts) -> _Reading | None:
 
 
 def _read_place_by_keys(part: str, facts: MapFacts, keys_of: Callable[[str], frozenset[str]]) -> _Reading | None:
-    """Read the text as a place inside the map, or as its own place, by the given keys of names.
+    """Read the text as a place inside the map, or as the map's own place, by the given keys of names.
 
     The map's own name means its town, never a quarter with the same name (``竹北``: ``竹北市``, not ``竹北里``).
     """

@@ -129,9 +129,9 @@ class OsmMap:
 def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
     """Scan and read an extract; leave out references to nodes that it does not contain.
 
-    Nodes without a position, or beyond ``SOUTHMOST_DEG`` and ``NORTHMOST_DEG``, are left out. Of nodes or ways with the
-    same id, the last one counts. A way over the antimeridian is split there. The document is read element by element,
-    so that only plain values stay in memory.
+    Nodes without a position, or beyond ``SOUTHMOST_DEG`` and ``NORTHMOST_DEG``, are left out. If nodes or ways share an
+    id, the last one is kept. A way over the antimeridian is split there. The document is read element by element, so
+    that only plain values stay in memory.
 
     Raises:
         UnsafeInput: the file is hostile, broken, too large, not OpenStreetMap XML, or has no road.

@@ -177,7 +177,7 @@ def write_png(figure: "Figure", path: Path) -> tuple[int, int]:
 
 
 def exact_palette(images: Sequence["Image"], colours: int) -> "Image":
-    """Return a palette with the exact meaningful colours; the images determine the rest."""
+    """Return a palette that contains the meaningful colours exactly; its other colours are chosen for the images."""
     from PIL import Image
 
     height = max(image.height for image in images)

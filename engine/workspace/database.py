@@ -203,7 +203,7 @@ class Database:
         self._opened = _Opened()
 
     def _open(self) -> tuple[sqlite3.Connection, Exception | None]:
-        """Return a read-write connection, or if the disk is full a read-only one and the error."""
+        """Return a read-write connection or, if the disk is full, a read-only connection and the error."""
         try:
             make_private(self.path.parent)
             return _prepared(self.path), None

@@ -106,7 +106,7 @@ SAME_ROAD_RAD, SAME_ARM_RAD = math.radians(45.0), math.radians(15.0)
 
 
 def shows_type(made: MadeFiles, kind: str, evidence: MapEvidence) -> bool:
-    """Return whether the roads at the centre match the site type; the map file tells urban from rural."""
+    """Return whether the roads at the centre match the site type; the map file distinguishes urban from rural."""
     judges: dict[str, Callable[[], bool]] = {
         "roundabout": lambda: _shows_roundabout(made),
         "signalised_intersection": lambda: _crossing(made, lit=True),

@@ -41,8 +41,8 @@ async def make_scenario(
 ) -> ScenarioSummary:
     """Return one scenario: the stored scenario with the same recipe, otherwise a new one.
 
-    Of a million scenarios, a few dozen would get the id of another scenario. These scenarios are generated again, with
-    other digits of their digests in the ids.
+    Among a million scenarios, a few dozen get an id that another scenario has. These scenarios are generated again,
+    with other digits of their digests in the ids.
 
     Raises:
         NotPossible: it cannot be generated, or another scenario has both of its ids.

@@ -77,7 +77,7 @@ def _conditions(artifact: Artifact) -> tuple[str, ...]:
 
 
 def _flows(flows: Sequence[RoadFlow]) -> str:
-    """Return counted flows in the notation of a call; of many, the first few and the number of the rest."""
+    """Return counted flows in the notation of a call; if there are many, the first few and the number of the rest."""
     written = [
         ":".join(filter(None, (f"{flow.road}>{flow.to}" if flow.to else flow.road, f"{flow.per_h:g}", flow.direction)))
         for flow in flows[:_SHOWN_FLOWS]

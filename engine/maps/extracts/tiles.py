@@ -429,7 +429,7 @@ def _way_body(way: OsmWay, places: Sequence[tuple[int, int]]) -> bytes:
 
 
 def _packed(rows: Iterable[tuple[int, int, bytes]]) -> tuple[int, bytes]:
-    """Return the number of nodes and the arrays of a tile; of elements with the same id, the last one counts."""
+    """Return the number of nodes and the arrays of a tile; if elements share an id, the last one is kept."""
     places: dict[int, tuple[int, int]] = {}
     node_tags: dict[int, dict[str, str]] = {}
     ways: dict[int, tuple[NDArray[np.int64], dict[str, str]]] = {}

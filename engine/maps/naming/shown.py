@@ -172,8 +172,8 @@ def _districts(osm: OsmMap) -> list[str]:
 def _outlines(osm: OsmMap) -> list[_Outline]:
     """Return the places of a map: points and outlines in the order of the file.
 
-    An outline that crosses the edge of the extract is open, because the nodes beyond the edge are missing. It counts,
-    too.
+    An outline that crosses the edge of the extract is open, because the nodes beyond the edge are missing. It is
+    included, too.
     """
     found: list[tuple[Mapping[str, str], Position, float | None]] = []
     found += [(node.tags, node.position, None) for node in osm.nodes.values() if node.tags.get("place") in PLACE_KINDS]

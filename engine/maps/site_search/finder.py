@@ -78,7 +78,7 @@ class SitePart:
 
 @dataclass(frozen=True)
 class Site:
-    """A place on a map: its type, its middle in degrees, its streets, and the node or way that marks it.
+    """A place on a map: its type, its centre in degrees, its streets, and the node or way that marks it.
 
     ``parts``: the spots that were merged into the site, at most ``MOST_NAMED``; the streets are those of all parts.
     ``only_passed``: the requested streets pass the site, but no part is on all of them. ``by_links``: links belong to
@@ -96,7 +96,7 @@ class Site:
 
     @property
     def position(self) -> tuple[float, float]:
-        """The site's middle as latitude and longitude in degrees."""
+        """The site's centre as latitude and longitude in degrees."""
         return self.latitude, self.longitude
 
     @property

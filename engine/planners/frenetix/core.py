@@ -185,7 +185,7 @@ class CurvilinearState:
     low_speed: bool
 
     def as_mode(self, low_speed: bool) -> "CurvilinearState":
-        """Return the same state with the lateral derivatives of the other mode (chain rule)."""
+        """Return the same state with lateral derivatives for the given mode, converted by the chain rule."""
         if low_speed == self.low_speed:
             return self
         _, speed, acceleration = self.longitudinal

@@ -263,7 +263,7 @@ class _ReactiveTraffic:
                 grown.add(*_recorded_state(actor.track, index))
 
     def _brake_for_ego(self, ego: EgoState, driven: Mapping[int, Track]) -> None:
-        """Make vehicles that would hit the ego's rear brake, as hard as they can if necessary.
+        """Make a vehicle brake if it would hit the ego's rear, as hard as it can if necessary.
 
         SUMO sees the ego by lanes. A follower on a merging lane, or behind an ego that is askew in a junction, would
         not see it.

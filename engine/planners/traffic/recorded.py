@@ -156,7 +156,7 @@ class _Rectangles:
 
 
 def _bodies_of(obstacles: Mapping[int, Any]) -> dict[int, "pycrcc.CollisionObject"]:
-    """Return obstacles' bodies at all steps, as commonroad-dc creates them; its own function loads matplotlib."""
+    """Return obstacles' bodies at all steps, as commonroad-dc's own function would, but without loading matplotlib."""
     return {key: _body_of_obstacle(obstacle) for key, obstacle in obstacles.items()}
 
 

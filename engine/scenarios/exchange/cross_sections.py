@@ -110,7 +110,7 @@ def _strip(lines: Sequence[Points], turning: float) -> tuple[Strip, tuple[int, f
 
 
 def _apart(one: Points, other: Points) -> Values:
-    """Return the distances of the vertices of each line from the other line."""
+    """Return the distances between two lines: from each line's vertices to the other line."""
     import shapely
 
     pairs = ((one, other), (other, one))
