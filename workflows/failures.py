@@ -54,10 +54,7 @@ class _Kept(Model):
 
 @dataclass
 class _Search:
-    """A search in progress; ``digest`` identifies everything that determines its points, but not its budget.
-
-    ``digest``: of what determines its points, without its budget.
-    """
+    """A search in progress; ``digest`` identifies everything that determines its points, but not its budget."""
 
     arguments: FindFailuresArguments
     context: WorkflowContext

@@ -541,7 +541,7 @@ _ROLLING_MPS = 2.0
 def _near_misses(evidence: Evidence) -> Iterator[Finding]:
     """Yield, per configuration, successes in which the moving ego came close to a road user ahead or crossing.
 
-    Road users that are behind, alongside or oncoming in their own lane decide themselves how close they come. They are
+    Road users that are behind, alongside or oncoming in their own lane control the distance themselves. They are
     counted separately.
     """
     runs = evidence.runs

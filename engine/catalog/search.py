@@ -227,7 +227,9 @@ class Search:
         )
 
     def _text_notes(self, ranking: Ranking | None) -> list[str]:
-        """Return notes on where the text's words occur, and on words that occur nowhere; the text only ranks."""
+        """Return notes on the words of the text that occur in the catalogue or nowhere, since a text only affects the
+        ranking.
+        """
         text = self._text_words
         few = len(text.found) + len(text.nowhere) <= _FEW_WORDS
         notes = ["The text index was damaged and has been rebuilt."] if ranking and ranking.mended_index else []

@@ -264,8 +264,8 @@ def _close_all() -> None:
 def _used_now(folder: Path, at_most_unused_s: float = math.inf) -> bool:
     """Return whether the generation is complete and was used recently enough; if so, date its marker now to keep it.
 
-    Without the lock, only a generation that no process may remove yet can be dated, and only if its marker exists: a
-    new marker would declare complete a generation that another process has just removed.
+    Without the lock, date only a generation that no process may remove yet, and only if its marker exists. A new marker
+    would make a generation look complete after another process has just removed it.
     """
     marker = folder / COMPLETE
     try:

@@ -225,10 +225,10 @@ class _Touched:
         self.obstacles[track.obstacle_id] = _obstacle(track, old.obstacle_shape, track.kind)
 
     def change(self, track: Track, motion: Motion, keeps: int, begin: int) -> None:
-        """Keep the first ``keeps`` states of a road user, then give it a new motion, starting with the motion's state
-        ``begin``.
+        """Give a road user a new motion after its first ``keeps`` states.
 
-        ``begin``: 0 if the motion has a state for each state of the recording, else the index of its first new state.
+        ``begin``: the index of the motion's first state to use; 0 if the motion has a state for each state of the
+        recording.
         """
         key = track.obstacle_id
         old, known = self._obstacle(key), self.tracks.get(key) or self.base.tracks[key]

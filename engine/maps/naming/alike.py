@@ -162,7 +162,7 @@ def _scripts(text: str) -> frozenset[str]:
 
 @lru_cache(maxsize=MOST_KEPT)
 def _tellings(name: str) -> frozenset[str]:
-    """Return the distinctive part of a name, joined: its words without kind and direction, in each of its readings."""
+    """Return the texts that distinguish a name: for each reading, its words without kind and direction, joined."""
     readings = {distinctive(reading) or reading for reading in road_readings(name)}
     ordered = words_of_name(name)
     joined = {"".join(word for word in ordered if word in reading) for reading in readings}

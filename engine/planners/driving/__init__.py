@@ -1,1 +1,1 @@
-"""Limits on what a vehicle can drive, for planned and driven motions, and solution files of driven runs."""
+"""The limits of what a vehicle can drive, checks of planned and driven motions, and solution files of driven runs."""

@@ -143,7 +143,7 @@ class FrameKeeper:
 def _longest_accepted(path: Points) -> Points:
     """Return the path, or the longest initial part that the core accepts.
 
-    If a path comes back over itself, for example around the loop of a dead end, the core finds no area in which every
+    If a path doubles back over itself, for example around the loop of a dead end, the core finds no area in which every
     point has a unique position along the path, and refuses the whole path.
     """
     accepted, refused = 2, len(path)

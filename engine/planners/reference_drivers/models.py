@@ -269,7 +269,7 @@ def _since(before_s: float | None, now_s: float, holds: bool) -> float | None:
 
 @dataclass(frozen=True)
 class _Alertness:
-    """The times since which a situation has been unsafe or safe again; None if it is not."""
+    """The times since which a situation has been unsafe, or safe again; a time is None if it does not apply."""
 
     unsafe_since_s: float | None = None
     safe_since_s: float | None = None

@@ -49,7 +49,9 @@ class Traffic(Protocol):
         """The triggers of scripted motions by road user, and whether they have fired up to the present step."""
 
     def advance(self, ego: EgoState) -> None:
-        """Advance to the step of the ego's new state; called for every step in order, before that step is read."""
+        """Advance to the step of the ego's new state; call this for every step in order, before reading the traffic at
+        that step.
+        """
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
         """Return id and type of the lowest-id obstacle that overlaps the ego's rectangle at the ego's step, or None."""

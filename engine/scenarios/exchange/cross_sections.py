@@ -226,7 +226,9 @@ def _feet(line: Points, stations: Values, positions: Points, normals: Points, re
 
 
 def _cut(line: Points, at: Points, across: Points, reach_m: float) -> Values:
-    """Return how far to the left each normal cuts a line, by its nearest cut; interpolated if it misses the line."""
+    """Return how far to the left each normal crosses a line, at the nearest crossing; interpolate if it misses the
+    line.
+    """
     start, step = line[:-1], np.diff(line, axis=0)
     found = np.full(len(at), np.nan)
     for number, (origin, normal) in enumerate(zip(at, across, strict=True)):
