@@ -48,7 +48,9 @@ class Picture:
 
 @dataclass(frozen=True)
 class ToolAnswer:
-    """The result of a call: text and the same as a structure for the model, pictures and links for the user."""
+    """The result of a call: text and a structure with the same content for the model; pictures and links for
+    the user.
+    """
 
     text: str
     structured: Mapping[str, Any]

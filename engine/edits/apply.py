@@ -240,7 +240,7 @@ def ego_of_base(kept: KeptScene, setup: SimulationSetup) -> Track | None:
 def resolved_edits(
     edits: tuple[Edit, ...], base: Scene, start: Changes, earlier: int = 0, first: int = 0
 ) -> ResolvedEdits:
-    """Apply edits in order; one refusal refuses all. Every edit sees the scene after the previous edits.
+    """Apply edits in order; if one is refused, all are refused. Every edit sees the scene after the previous edits.
 
     ``start``: the changes before the first edit. ``earlier``: how many edits come from earlier calls; in errors, the
     numbering of the other edits starts at ``first``.

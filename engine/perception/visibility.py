@@ -101,7 +101,7 @@ def _walls(obstacle: Any) -> Iterator[tuple[tuple[float, float], tuple[float, fl
 
 @dataclass(frozen=True)
 class InView:
-    """The share of the outline of each body that is within the field of view, and that is visible, each (f, n).
+    """For each body, the share of its outline in the field of view, and the share that is also visible, each (f, n).
 
     ``hidden_by`` (f, n): the body that hides the largest part of it, or −1 if it is not hidden.
     """
