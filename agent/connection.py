@@ -187,7 +187,7 @@ class ToolConnection:
         return ToolServerGone(f"the MCP server ended while it worked on {tool}")
 
     async def _keep(self, leave: anyio.Event, *, task_status: TaskStatus[str]) -> None:
-        """Keep a connection open until ``leave`` is set; report an empty text, or the reason why there is no
+        """Keep a connection open until ``leave`` is set; report an empty string, or the reason why there is no
         connection.
         """
         started = False

@@ -117,7 +117,7 @@ def ask_one_by_one(
 ) -> None:
     """Show requests to another client, turn by turn, wait for each, and record a mark.
 
-    Requests with a mark are left out. ``wait`` returns how the client's answer ended, or an empty text if it just
+    Requests with a mark are left out. ``wait`` returns how the client's answer ended, or an empty string if it just
     answered; any other text repeats the question.
     """
     marks.parent.mkdir(parents=True, exist_ok=True)

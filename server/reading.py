@@ -148,7 +148,7 @@ class ResourceReading:
         return await self._done(look)
 
     async def _subscribe(self, context: ServerRequestContext[Services], request: SubscribeRequestParams) -> EmptyResult:
-        """Notify this session of changes to a resource, in the revisions with sessions."""
+        """Notify this session of changes to a resource, in the protocol revisions that have sessions."""
         await self.read(request.uri, context.lifespan_context)
         self._news.follow(client_of(context).key, request.uri, context.session)
         return EmptyResult()

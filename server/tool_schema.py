@@ -131,7 +131,7 @@ def _names(schema: Any) -> Iterator[str]:
 
 
 def _name_of(schema: dict[str, Any]) -> str:
-    """Return the name of the definition that a schema refers to, or an empty text."""
+    """Return the name of the definition that a schema refers to, or an empty string."""
     return str(schema.get("$ref", "")).rpartition("/")[2]
 
 

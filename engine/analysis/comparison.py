@@ -439,7 +439,7 @@ _SPECS = {spec.name: spec for spec in METRICS}
 
 
 def _judged(test: MetricTest, pairs: _Pairs) -> MetricTest:
-    """Return the test; if it shows a difference, with the better side and the pair that differs most."""
+    """Return the test; if it shows a difference, add the better side and the pair with the largest difference."""
     if not _is_significant(test):
         return test
     spec, shift = _SPECS[test.name], test.shift or 0.0

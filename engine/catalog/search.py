@@ -142,7 +142,9 @@ class Search:
         return bool(self.arguments.text or self.arguments.like)
 
     def candidates(self) -> tuple[str, ...]:
-        """Return the ids to rank: the matches (or the nearest) for the funnel, the country's for hybrid, or all."""
+        """Return the ids to rank: for the funnel, the matches or the nearest entries; for hybrid, those in the country;
+        else all.
+        """
         numbers = self.funnel.everything
         if self.arguments.method == "funnel":
             numbers = self.funnel.matches or self.funnel.entries.of(self.funnel.nearest(RANKED_FALLBACKS))

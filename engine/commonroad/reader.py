@@ -210,7 +210,7 @@ def kept_recording(path: Path, size_bytes: int | None = None, *, keep: bool = Tr
     Args:
         path: the file.
         size_bytes: its maximum size; None means that of ``XmlLimits``.
-        keep: whether to cache it on disk too; not worthwhile for one of many files that is read once.
+        keep: whether to cache it on disk too, which is not worthwhile for a file that is read only once.
 
     Raises:
         UnsafeInput: as ``read_recorded``.

@@ -276,7 +276,7 @@ class _Attempts:
     def notes_besides(self, best: _Attempt) -> list[str]:
         """Return notes on the skipped sites and on why the other attempts were dropped, each reason once.
 
-        A reason that the best attempt has, too, is already among its notes.
+        Reasons that also apply to the best attempt are left out, because its own notes state them.
         """
         others = [attempt for attempt in self.made if attempt is not best and not attempt.lacks]
         faults = [fault for attempt in others for fault in attempt.faults]

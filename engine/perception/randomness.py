@@ -20,7 +20,7 @@ _PARTS: tuple[Part, ...] = ("estimate", "missed", "class", "frames", "ghosts", "
 
 
 def stream(seeds: tuple[int, int], part: Part, key: int = 0) -> np.random.Generator:
-    """Return the random numbers of one part of the sensors for one road user."""
+    """Return the generator of random numbers for one part of the sensors and one road user."""
     return np.random.Generator(np.random.PCG64([*(seed % 2**64 for seed in seeds), _PARTS.index(part), key % 2**64]))
 
 

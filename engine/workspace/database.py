@@ -347,7 +347,7 @@ def _failure(path: Path, error: Exception) -> ResourceFailure:
 def still_runs(pid: int, since: float) -> bool:
     """Return True if the process ``pid`` that wrote something at ``since`` (in s since 1970) is still running.
 
-    Process ids are reused, so the time counts too. The start time of a process uses the clock at that time. If the
+    Process ids are reused, so the time is compared too. The start time of a process uses the clock at that time. If the
     clock was set back since, the age of the process decides, which is independent of clock changes.
     """
     import psutil

@@ -163,7 +163,7 @@ class SuccessTest(Model):
 
     @property
     def excludes_zero_alone(self) -> bool:
-        """Whether the interval excludes 0 although the test, adjusted for all tests, shows nothing."""
+        """Whether the interval excludes 0 although the adjusted test shows no difference."""
         if self.low is None or self.high is None or self.low <= 0 <= self.high:
             return False
         return self.p_holm is None or self.p_holm >= SIGNIFICANCE_LEVEL

@@ -244,6 +244,6 @@ def _without(model: type[BaseModel], location: tuple[int | str, ...], values: An
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:
-    """Return the single valid name with similar spelling, or an empty text."""
+    """Return the single valid name with similar spelling, or an empty string."""
     found = get_close_matches(name.lower(), list(known), n=2, cutoff=_ALIKE)
     return found[0] if found else ""

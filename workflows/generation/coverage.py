@@ -237,7 +237,7 @@ class _PlanWork:
         return True
 
     def _placed(self, rows: Sequence[tuple[int, ...]], spots: Mapping[str, Spot], lap: int) -> Iterator[PlanRow]:
-        """Yield rows with a map and a site each: the next site of their group."""
+        """Yield the rows, each with a map and a site: the next site of the row's group."""
         turns, number, hopeless = self._rows.turns(), self._rows.next_number(), self._rows.hopeless(TRIES)
         saying = list(next(self._plan.of_spot()))
         for levels in rows:

@@ -151,7 +151,7 @@ class TileStore:
     # Progress
 
     def state(self, name: str) -> str:
-        """Return a stored note on the work, or an empty text if there is none."""
+        """Return a stored note on the work, or an empty string if there is none."""
         row = self._database.execute("SELECT value FROM state WHERE name = ?", (name,)).fetchone()
         return "" if row is None else str(row[0])
 

@@ -58,7 +58,7 @@ class Rings:
         return () if self._fault(way, ring) else ring
 
     def fault_of(self, way: OsmWay) -> str:
-        """Return why a tagged way is not part of a ring that cars drive around, or an empty text if it is."""
+        """Return why a tagged way is not part of a ring that cars drive around, or an empty string if it is."""
         return self._fault(way, self._closed(way))
 
     def _closed(self, way: OsmWay) -> tuple[int, ...]:
