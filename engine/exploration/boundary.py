@@ -198,7 +198,7 @@ class Area:
 
     Inside a mixed cell, the edge is approximated by a chord between the points at which it crosses the cell's sides. If
     the edge is monotonic there, the error is at most half of the rectangle around the chord. For a cell that the edge
-    crosses in any other way, the bounds are none and all of the cell. The upper bound also allows for islands hidden in
+    crosses in any other way, the bounds are zero and the whole cell. The upper bound also allows for islands hidden in
     uniform cells of other labels: the area of these cells times the upper end of a 95 % Wilson interval of the share of
     checked cells that were not uniform.
     """

@@ -139,7 +139,7 @@ def scored(
 
 
 def _margin(run: DrivenRun, moving: Sequence[Track], standing: Sequence[Track]) -> float:
-    """Return the smallest margin between the ego and some road users, from 0 (contact) to 1 (none comes near)."""
+    """Return the smallest margin between the ego and some road users: 0 at contact, 1 if none of them comes near."""
     if run.task is None:
         return 1.0
     met = encounters(driven_ego(run.states, run.task.vehicle), moving, standing)

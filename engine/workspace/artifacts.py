@@ -338,7 +338,7 @@ class Workspace:
         return int(row[0] or 0)
 
     def kind_of(self, artifact_id: str, *expected: ArtifactKind) -> ArtifactKind:
-        """Return the kind of an artifact; ``expected``: the kinds that the caller can use, or none to accept all kinds.
+        """Return the kind of an artifact; ``expected``: the kinds that the caller can use, empty to accept all kinds.
 
         Raises:
             UnknownName: No artifact has this id; the error lists the nearest ids of the expected kinds.
