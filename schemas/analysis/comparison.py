@@ -116,8 +116,9 @@ class PairedRun(Model):
 
 
 class Flip(Model):
-    """A scenario in which only one side succeeded; for a collision, ``why`` says who hit whom and what would prevent
-    it.
+    """A scenario in which only one side succeeded.
+
+    ``why`` says who hit whom in a collision and what would prevent it.
     """
 
     scenario_id: str
