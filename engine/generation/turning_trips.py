@@ -50,7 +50,10 @@ def needed_s(net: SumoNet, focus: SiteFocus, turn: Turn | None, sumo_class: str)
 
 
 def _ways_of(focus: SiteFocus, turn: Turn | None, edges: OpenEdges) -> tuple[tuple[str, ...], ...]:
-    """Return the ways through a site that make a turn, or all ways without a turn; no way if a road or ramp is the site."""
+    """Return the ways through a site that make a turn, or all ways without a turn.
+
+    There is no way if the site is a road or ramp.
+    """
     wanted = "left" if turn == "unprotected_left" else turn
     ways = () if focus.ways is None else focus.ways.through(edges)
     return tuple(way for made, way in ways if wanted is None or made == wanted)
