@@ -48,7 +48,9 @@ class Picture:
 
 @dataclass(frozen=True)
 class ToolAnswer:
-    """The result of a call: text for the model, the same as a structure, pictures and links for the user."""
+    """The result of a call: text and a structure with the same content for the model; pictures and links for
+    the user.
+    """
 
     text: str
     structured: Mapping[str, Any]
@@ -185,7 +187,9 @@ class ToolConnection:
         return ToolServerGone(f"the MCP server ended while it worked on {tool}")
 
     async def _keep(self, leave: anyio.Event, *, task_status: TaskStatus[str]) -> None:
-        """Keep a connection open until ``leave`` is set; report an empty text, or why there is no connection."""
+        """Keep a connection open until ``leave`` is set; report an empty string, or the reason why there is no
+        connection.
+        """
         started = False
         stack = ExitStack()
         try:

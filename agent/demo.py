@@ -118,7 +118,7 @@ def run_demo(*, scenario: Path | None, map_file: Path | None, folder: Path) -> i
 
 
 def _free_folder(wanted: Path) -> Path:
-    """Return the folder, or one with a number next to it, so that an earlier demo is never overwritten."""
+    """Return the folder, or a numbered folder next to it if it exists, so that an earlier demo is never overwritten."""
     numbered = (wanted.with_name(f"{wanted.name}-{number}") for number in range(2, _KEPT_DEMOS))
     free = (folder for folder in (wanted, *numbered) if not folder.exists())
     return next(free, wanted.with_name(f"{wanted.name}-{time.time_ns()}"))

@@ -185,7 +185,7 @@ class AgentSession:
         return self._history.tokens
 
     def clear(self) -> None:
-        """Start anew: forget the conversation and the current ids."""
+        """Start over: forget the conversation and the current ids."""
         self._history.clear()
         self.state = SessionState()
 
@@ -281,7 +281,9 @@ class AgentSession:
         return True
 
     def _find_fault(self, turn: _Turn, reply: _Reply) -> tuple[str, str, str, str] | None:
-        """Return the fault of a reply without calls: its kind, the texts for user and model, and the error; or None."""
+        """Return the fault of a reply without calls, or None: its kind, the texts for the user and the model, and the
+        error.
+        """
         again = "rephrase the request, or use another model"
         if reply.runaway:
             return (

@@ -95,7 +95,7 @@ class History:
         self._messages, self._tokens, self._turn_start = [], [], 0
 
     async def fit(self, model: ChatModel, budget_tokens: int) -> str:
-        """Make the messages fit a budget; return a sentence for the user on what was done, or an empty text.
+        """Make the messages fit a budget; return a sentence for the user on what was done, or an empty string.
 
         The model summarises what precedes the turn; if it cannot, that part is dropped. If the turn alone is too long,
         its older tool answers are shortened.

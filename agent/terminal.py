@@ -351,7 +351,7 @@ def _now() -> datetime:
 
 
 def _run(work: Callable[[], Awaitable[int]], console: Console) -> int:
-    """Run to the end, and print an error that prevents the start."""
+    """Run the work to its end, and print an error that prevents it from starting."""
     try:
         return anyio.run(work)
     except AgentError as error:

@@ -1,4 +1,4 @@
-"""Shell completion for hosts, tools and the artifacts of the workspace; it looks only at what is quick to read.
+"""Shell completion for hosts, tools and the artifacts of the workspace; it reads only what is quick to read.
 
 Each function returns all candidates with a short description; typer keeps those that match the typed prefix.
 """

@@ -44,7 +44,7 @@ _SIGNS = {"ok": "[green]✓[/green]", "note": "[yellow]●[/yellow]", "fault": "
 
 @dataclass(frozen=True)
 class Trial:
-    """A program that prints its findings in a separate process, and the remedy if it fails."""
+    """A program that runs a check in a separate process and prints its findings, and the remedy if the check fails."""
 
     program: str
     mend: str

@@ -94,7 +94,7 @@ def named_host(name: str) -> Host:
 
 
 def start_command(arguments: Sequence[str], environment: Path | None = None) -> tuple[str, ...]:
-    """Return the program and arguments that start this server; the path is absolute, since hosts have their own PATH.
+    """Return the program and arguments that start this server; the path is absolute, since a host's PATH may differ.
 
     Args:
         arguments: Flags of ``serve``.

@@ -1,4 +1,6 @@
-"""The tokens that tools and prompts cost a model before its first request: names, descriptions, schemas and texts."""
+"""The number of tokens that tools and prompts use before a model's first request: names, descriptions, schemas and
+texts.
+"""
 
 import json
 

@@ -1,4 +1,4 @@
-"""``plannerforge ui``: serves the workspace as web pages to everybody on this machine."""
+"""``plannerforge ui``: serves the workspace as web pages to all users of this machine."""
 
 import sys
 import webbrowser

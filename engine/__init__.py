@@ -1,7 +1,7 @@
 """The domain library; it does not depend on MCP.
 
-import-linter enforces the order of its packages (``pyproject.toml``): each imports only those below it, and only the
-names on their *face*, which is the ``__init__.py``. ``criticality`` is a package of one file.
+import-linter enforces the order of its packages (``pyproject.toml``): each imports only those below it, and only their
+public names, which are those in ``__init__.py`` (the *face*). ``criticality`` is a package of one file.
 """
 
 import ast

@@ -28,7 +28,7 @@ class ServerSetup:
     """The data of a server under evaluation.
 
     ``base`` is a workspace to copy at the start; ``scenarios`` and ``maps`` are folders of the corpora's files. Without
-    them, there are the starter catalogue and the built-in maps. ``journal``: whether the workspace records calls.
+    them, the server has the starter catalogue and the built-in maps. ``journal``: whether the workspace records calls.
     """
 
     workspace: Path

@@ -65,7 +65,7 @@ class JournalAgent:
     calls: Sequence[_JournalledCall] = field(repr=False)
 
     async def attempt(self, request: EvalRequest, tools: ToolSession) -> Attempt:
-        """Repeat the calls of a request, except refused ones; stop if one cannot be repeated."""
+        """Repeat the calls of a request, except refused calls; stop if a call cannot be repeated."""
         began = time.perf_counter()
         marks = sorted((mark for mark in self.marks if mark.request_id == request.request_id), key=_by_turn)
         made: list[MadeCall] = []
@@ -117,7 +117,7 @@ def ask_one_by_one(
 ) -> None:
     """Show requests to another client, turn by turn, wait for each, and record a mark.
 
-    Requests with a mark are left out. ``wait`` returns how the client's answer ended, or an empty text if it just
+    Requests with a mark are left out. ``wait`` returns how the client's answer ended, or an empty string if it just
     answered; any other text repeats the question.
     """
     marks.parent.mkdir(parents=True, exist_ok=True)

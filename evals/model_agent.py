@@ -75,7 +75,7 @@ def model_agent(name: str, condition: Condition, seed: int) -> ModelAgent:
 
 
 class _Recording(ToolSource):
-    """The tools of a session for the agent's loop, with a record of all calls."""
+    """The session's tools for the agent's loop; records all calls."""
 
     def __init__(self, tools: ToolSession) -> None:
         self._tools = tools

@@ -190,7 +190,7 @@ class _Conversation:
     runs: dict[int, list[str]] = field(default_factory=dict)
 
     async def held(self, turns: Sequence[EvalTurn]) -> Any:
-        """Return the calls of all turns; a turn that builds on a refused turn calls nothing."""
+        """Return the calls of all turns; a turn that builds on a refused turn makes no calls."""
         for number, turn in enumerate(turns):
             for action in turn.action.split("+"):
                 call = self.call_of(action, turn)

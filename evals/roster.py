@@ -22,7 +22,7 @@ class AgentChoice:
 
 @dataclass(frozen=True)
 class _Entry:
-    """How an agent is opened, and the form of its name; if ``fresh``, each request needs its own session."""
+    """How to open an agent, and the form of its name; if ``fresh``, each request needs its own session."""
 
     open: Callable[[AgentChoice], EvaluatedAgent]
     form: str

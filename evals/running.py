@@ -232,7 +232,7 @@ class _Outcome:
 
 @contextmanager
 def _reporting_errors() -> Iterator[_Outcome]:
-    """Print errors raised in the block, in one line each; afterwards, the outcome has the exit code."""
+    """Print errors raised in the block, one line each; the yielded outcome has the exit code afterwards."""
     outcome = _Outcome()
     try:
         yield outcome

@@ -37,7 +37,7 @@ _UNITS: Mapping[str, str] = {"_s": " s", "_m": " m", "_mps": " m/s"}
 
 @dataclass(frozen=True)
 class SpoilRates:
-    """The chance of each kind of spoiling in a call that allows it (chosen, after the output of small models)."""
+    """The chance of each kind of spoiling in a call that allows it (our choice, after the output of small models)."""
 
     number_as_text: float = 0.15
     one_for_list: float = 0.15

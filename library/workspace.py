@@ -70,7 +70,7 @@ _WAIT_S = 50.0
 
 
 class _LongAnswer(Protocol):
-    """An answer that gives the id of a job that is still working on it."""
+    """An answer with the id of a job that is still working on the rest of it."""
 
     @property
     def state(self) -> str: ...

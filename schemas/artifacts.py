@@ -228,7 +228,7 @@ class ExportedFile(Model):
 
 
 class ExportArtifactsResult(Result):
-    """The written files."""
+    """The files that were written."""
 
     folder: str = Field(description="where the files are")
     files: tuple[ExportedFile, ...] = Field(description="each file written")
@@ -289,7 +289,7 @@ class ForeignExportRequest(Model):
 
 
 class ForeignExport(Model):
-    """The file that a worker wrote, what it cannot represent of the scenario, and how well its roads match."""
+    """The file that a worker wrote, what it cannot represent of the scenario, and how closely its roads match."""
 
     path: str
     lost: tuple[str, ...] = ()

@@ -163,7 +163,7 @@ def choices_of(detail: ErrorDetails) -> list[str]:
 
 
 def model_at(model: type[BaseModel], location: tuple[int | str, ...]) -> type[BaseModel]:
-    """Return the model that contains the last part of the location: the arguments, or the flat object of a list."""
+    """Return the model that contains the last part of the location: the arguments, or an object in a list."""
     current = model
     for part in location[:-1]:
         if isinstance(part, str) and part in current.model_fields:
@@ -190,7 +190,7 @@ def _path(location: tuple[int | str, ...]) -> str:
 
 
 def _expected(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[str, str]:
-    """Return what an argument accepts, in words, and its description in brackets, from its schema."""
+    """Return a description of the values that an argument accepts, and the argument's own description in brackets."""
     named = [place for place, part in enumerate(location) if isinstance(part, str)]
     name = location[named[-1]] if named else ""
     holder = model_at(model, location[: named[-1] + 1] if named else ())

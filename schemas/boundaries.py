@@ -80,7 +80,7 @@ class PointsResponse(Model):
 
 
 class MapPoint(Model):
-    """A point of a map: its place on the lattice, from 0 to 64 along each parameter, and how the planner fares."""
+    """A point of a map: its position on the lattice, from 0 to 64 along each parameter, and how the planner fares."""
 
     place: tuple[int, int]
     evaluation: Evaluation
@@ -141,7 +141,7 @@ class BoundaryRecord(Model):
         return at | mapped
 
     def nearest_to_base(self, points: tuple[MapPoint, ...]) -> MapPoint | None:
-        """Return the point nearest to the ordinary encounter, as shares of the ranges."""
+        """Return the point nearest to the ordinary encounter; distances are measured in fractions of the ranges."""
 
         def away(point: MapPoint) -> float:
             return sum(
@@ -184,7 +184,7 @@ class MapSummary(Model):
 class ExploreBoundaryResult(Result):
     """A map of where planners fail, or the state of the job that makes it.
 
-    The stored record, with every point, is in ``record`` of the object that Python returns.
+    In Python, ``record`` is the stored record with every point.
     """
 
     state: str = Field(description="done, or the state of the job")
@@ -200,7 +200,7 @@ class ExploreBoundaryResult(Result):
 
     @property
     def record(self) -> BoundaryRecord | None:
-        """The stored record; None while the job works, and in answers that were sent."""
+        """The stored record; None while the job runs, and in answers that were sent to a client."""
         return self._record
 
     def with_record(self, record: BoundaryRecord) -> "ExploreBoundaryResult":

@@ -145,7 +145,7 @@ class StageCount(Model):
 
 
 class Coverage(Model):
-    """How much of the matches' values in one dimension a diverse selection covers."""
+    """How many of the matches' values in one dimension a diverse selection covers."""
 
     dimension: str = Field(description="what varies: a place, a tag, …")
     covered: tuple[str, ...] = Field(description="values in the selection")
@@ -222,7 +222,7 @@ class FindScenariosResult(Result):
         return Answer(headline, decided, listed=lines)
 
     def _step(self, stage: StageCount) -> str:
-        """Return how many scenarios a stage left, with its conditions if no scenario is left in the end."""
+        """Return how many scenarios a stage left, with its conditions if the search ends without a match."""
         conditions = f" [{', '.join(stage.conditions)}]" if not self.total else ""
         return f"{stage.left} after {stage.stage}{conditions}"
 

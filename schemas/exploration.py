@@ -62,7 +62,7 @@ class Parameter(Model):
         return f"{self.quantity} {value:.3g} {self.unit}".rstrip()
 
     def at_share(self, share: float) -> float:
-        """Return the value at a share of the range, from 0 to 1."""
+        """Return the value at a fraction of the range, from 0 to 1."""
         return self.low + (self.high - self.low) * share
 
 
@@ -70,7 +70,7 @@ class Curve(Model):
     """A derived value that is looked up by another value.
 
     ``of``: the name of the other value. ``at``: its places, ascending. ``values``: the values there. Numbers are
-    interpolated linearly, or with ``steps`` are those of the last place passed; texts need ``steps``.
+    interpolated linearly. With ``steps``, the value is that of the last place passed; texts need ``steps``.
     """
 
     of: str
@@ -79,7 +79,7 @@ class Curve(Model):
     steps: bool = False
 
     def value(self, place: float) -> float | str:
-        """Return the value at a place; before the first and after the last place, the value there."""
+        """Return the value at a place; outside the range of places, return the first or the last value."""
         index = max(bisect_right(self.at, place) - 1, 0)
         here = self.values[index]
         if self.steps or isinstance(here, str) or index + 1 >= len(self.at) or place <= self.at[0]:
@@ -91,11 +91,11 @@ class Curve(Model):
 class LogicalScenario(Model):
     """A base, parameters, and edits that contain them.
 
-    ``base``: the id of a stored scenario, or the name of a road. An edit template is an edit whose values may refer to
+    ``base``: the id of a stored scenario, or the name of a road. The values of an edit template may refer to
     parameters: ``"$gap_s"`` is a parameter's value, ``"${speed_mps}m/s"`` a text that contains it. ``derived``: further
     values by name, as formulas of parameters with ``+ - * /``, parentheses and earlier derived values, or as curves.
-    ``horizon_s``: how long the encounter lasts at most. ``traffic``: reactive if edits have triggers, which then
-    respond to the planner's ego. ``source``: where the parameters come from.
+    ``horizon_s``: the maximum duration of the encounter. ``traffic``: reactive if edits have triggers, which then
+    respond to the planner's ego. ``source``: the source of the parameters.
     """
 
     name: str
@@ -114,10 +114,10 @@ class LogicalScenario(Model):
 
 
 class EncounterSetting(Model):
-    """What all points of an exploration share, as a worker receives it.
+    """The data that all points of an exploration share, as a worker receives it.
 
     ``xml``: the base's file. ``earlier``: edits that the base already has; a point's edits follow them. ``horizon_s``:
-    a run is stopped after this time at the latest.
+    the time after which a run is stopped.
     """
 
     xml: Path
@@ -132,7 +132,7 @@ class EncounterSetting(Model):
 
 
 class AvoidingDriver(Model):
-    """A reference driver that prevents a failure, and from which start."""
+    """A reference driver that would prevent a failure, and the start from which it does."""
 
     driver: DriverModelName
     start: DriverStart
@@ -143,8 +143,8 @@ class Evaluation(Model):
 
     ``reason``: why the point is implausible or how the run ended. ``run_outcome``: the outcome of the run; None if it
     was stopped because the encounter was over. ``counterpart_id``: the road user that the ego hit, or came closest to.
-    ``manoeuvre``: the edits that prescribe the counterpart's motion, ``recorded`` without any. ``least_gap_m``: 0 in a
-    collision. ``steps``: the driven time steps. ``end``: what ended the run.
+    ``manoeuvre``: the edits that prescribe the counterpart's motion, or ``recorded`` if there are none.
+    ``least_gap_m``: 0 in a collision. ``steps``: the driven time steps. ``end``: what ended the run.
     """
 
     outcome: PointOutcome

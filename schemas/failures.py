@@ -1,4 +1,4 @@
-"""The search for failures: its space, proposals and points, findings, and the arguments and result of the tool."""
+"""The search for failures: its space, proposals, points and failures, and the tool's arguments and result."""
 
 from collections.abc import Iterator, Sequence
 
@@ -21,7 +21,7 @@ class SpaceRequest(Model):
 
 
 class SearchSpace(Model):
-    """The unchanged base, and what a scenario offers to a search.
+    """The unchanged base, and the search space that it offers.
 
     ``base``: how the planner fares in the unchanged base. ``strata``: logical scenarios with one counterpart and one
     manoeuvre each; empty if the base fails. ``recorded``: the base's road users by id.
@@ -40,14 +40,16 @@ class SpacePoint(Model):
 
 
 class PointScore(Model):
-    """The score of a point: the lower, the nearer to a failure; None if it is implausible. ``cell``: of a failure."""
+    """The score of a point; lower scores are nearer to a failure, and None means that the point is implausible.
+    ``cell``: the cell of a failure.
+    """
 
     value: float | None
     cell: str | None = None
 
 
 class ProposalsRequest(Model):
-    """What determines the next points of a search: strata with their number of parameters, seed, and all scores."""
+    """The input for the next points of a search: strata with their number of parameters, the seed, and all scores."""
 
     strata: tuple[tuple[str, int], ...] = Field(min_length=1)
     seed: int
@@ -61,7 +63,7 @@ class ProposedPoints(Model):
 
 
 class SpacePointsRequest(Model):
-    """Points to evaluate; ``strata``: at least those of the points; ``recorded``: the base's road users by id."""
+    """Points to evaluate; ``strata`` must include those of the points; ``recorded``: the base's road users by id."""
 
     setting: EncounterSetting
     strata: tuple[LogicalScenario, ...]
@@ -88,7 +90,7 @@ class EvaluatedPoints(Model):
 
 
 class ShrinkRequest(Model):
-    """A failure to reduce; ``most_runs``: how many candidates may be run."""
+    """A failure to reduce; ``most_runs`` is the maximum number of candidates to run."""
 
     setting: EncounterSetting
     stratum: LogicalScenario
@@ -100,10 +102,10 @@ class ShrinkRequest(Model):
 class Shrunk(Model):
     """A failure reduced to what it needs.
 
-    ``edits``: the whole list, which replaces the failure's. ``kept``: the road users that the failure needs besides
-    the counterpart and added ones. ``needed``: the parameters that cannot return to their ordinary value.
-    ``is_minimal``: no single road user can be left out (False: there were no runs left to show it). ``duration_s``: the
-    end of the time span; None if it could not be cut.
+    ``edits``: the whole list, which replaces the failure's. ``kept``: the road users that the failure needs in addition
+    to the counterpart and added road users. ``needed``: the parameters that cannot return to their ordinary value.
+    ``is_minimal``: no further road user can be left out; False if the runs were used up before this was shown.
+    ``duration_s``: the end of the time span; None if it could not be cut.
     """
 
     edits: tuple[Edit, ...]
@@ -153,7 +155,9 @@ class ShrunkFailure(Model):
 
 
 class FoundFailure(Model):
-    """A failure in a cell of its own, as a stored scenario that modify_scenario makes from the base, and its run."""
+    """A failure with its own cell: a scenario made from the base by modify_scenario and stored, and the planner's run
+    on it.
+    """
 
     scenario_id: str
     run_id: str
@@ -170,7 +174,7 @@ class FoundFailure(Model):
 
 
 class FailureSearchRecord(Model):
-    """A finished search: the base, the budget used, and the failures, one per cell in the order of finding."""
+    """A finished search: the base, the budget used, and one failure per cell, in the order in which they were found."""
 
     base_id: str = Field(description="id of the varied scenario")
     config_id: str

@@ -32,7 +32,7 @@ class CancelJobArguments(Arguments):
 
 
 class JobResult(Result):
-    """A job: the ``share`` done in [0, 1], ids of finished results, and why it failed, if it did."""
+    """A job: the completed ``share`` in [0, 1], the ids of finished results, and the reason if it failed."""
 
     job_id: str
     kind: str = Field(description="what kind of work it is")

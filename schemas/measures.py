@@ -45,11 +45,11 @@ class Measure:
     - ``cap``: the bound beyond which it is undefined or clipped, or empty
     - ``none``: why a run may not have it
 
-    The rest is for comparisons of stored measures. ``basis`` selects the pairs: progress and comfort count only if the
-    two runs of a pair reached the goal, because a run that ends in a collision is short and never brakes for its goal.
-    Nearness to others counts in every valid run. ``within_one_configuration`` means that it depends on the weights.
-    Values that differ by at most ``tolerance`` are equal: a hundredth of a commonly visible difference, and less than
-    the error of positions rounded to centimetres.
+    The remaining fields are for comparisons of stored measures. ``basis`` selects the pairs: progress and comfort count
+    only if the two runs of a pair reached the goal, because a run that ends in a collision is short and never brakes
+    for its goal. Nearness to others counts in every valid run. ``within_one_configuration`` means that it depends on
+    the weights. Values that differ by at most ``tolerance`` are equal: a hundredth of a commonly visible difference,
+    and less than the error of positions rounded to centimetres.
     """
 
     name: str

@@ -47,7 +47,7 @@ AMBIGUOUS_VEHICLE: Final = "which_vehicle"
 
 
 class EditKind(NamedTuple):
-    """The tool's knowledge of an operation: the paper's letter, and its arguments."""
+    """The definition of an operation: the paper's letter for it, and its arguments."""
 
     letter: Letter
     arguments: tuple[str, ...]
@@ -261,7 +261,8 @@ class EditCollision(Model):
 
 
 class EgoDanger(Model):
-    """The most critical figures of an ordinarily driving ego; None if no road user is near or would be met within 60 s.
+    """The most critical figures of an ego with an ordinary driver; None if no road user is near or would be met within
+    60 s.
 
     ``risk_score`` ranges from 0 (collision) through 1 (extreme), 2 (high), 3 (medium) and 4 (low) to 5 (negligible)
     (From Words to Collisions). ``most_critical_*`` describe the road user at the lowest score: the first collision,
@@ -415,7 +416,9 @@ class ModifyScenarioResult(Result):
         return _within(sentences, characters * (3 if self.detail == "checks" else 1))
 
     def _edit_lines(self) -> Iterator[str]:
-        """Yield one line per edit with its verdict, and the routes of vehicles that it sends somewhere, or of all."""
+        """Yield one line per edit with its verdict, and the routes of all vehicles or only of those that it sends
+        somewhere.
+        """
         most, rest = self._most(_MOST_EDITS)
         sentences = self._shortened([edit.what for edit in self.edits[:most]], _EDITS_CHARACTERS)
         for edit, what in zip(self.edits, sentences, strict=False):

@@ -201,7 +201,7 @@ class ViewRequest(Model):
 
 
 class ViewWritten(Model):
-    """The path and size of a view's data; ``notes`` say what was left out and why."""
+    """The path and size of a view's data; ``notes`` say what was left out, and why."""
 
     kind: ViewKind
     path: str

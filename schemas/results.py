@@ -157,7 +157,9 @@ class Correlation(Model):
 
     @property
     def stands(self) -> bool:
-        """Whether the correlation differs from 0, Holm-adjusted, also with the other features controlled for."""
+        """Whether the Holm-adjusted correlation differs from 0, and still does if the other features are controlled
+        for.
+        """
         left = not self.held_fixed or (self.p_fixed is not None and self.p_fixed < SIGNIFICANCE_LEVEL)
         return self.p_holm < SIGNIFICANCE_LEVEL and left
 

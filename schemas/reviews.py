@@ -1,6 +1,6 @@
 """Reviews of runs, in addition to their records: who hit whom, who was at fault, pace, comfort and broken rules.
 
-``engine/analysis`` computes it on request from the run's steps and its scenario. This module puts it into words.
+``engine/analysis`` computes reviews on request from a run's steps and its scenario. This module puts them into words.
 """
 
 from collections.abc import Mapping, Sequence
@@ -302,11 +302,12 @@ class EgoFault(Model):
 
 
 class Sight(Model):
-    """Since when a planner in an imperfect world had got the road user that it hit, and why it had not got it before.
+    """When a planner in an imperfect world began to receive the road user that it hit, and why it did not receive it
+    earlier.
 
-    ``code``, ``by``, ``by_class``: why it last did not get it, and the road user that hid the largest part of it.
-    ``first_s`` is when it first got it in the run, and ``since_s`` since when it got it without a gap up to the
-    contact. Both are None if it did not.
+    ``code`` is the last reason for which the planner did not receive the road user; ``by`` and ``by_class`` describe
+    the road user that hid the largest part of it. ``first_s`` is the time at which the planner first received it, and
+    ``since_s`` the time from which it received it without a gap until the contact. Both are None if it never did.
     """
 
     code: SightCode = Field(description="stable code: why the planner did not get it")
@@ -337,9 +338,8 @@ class Contact(Model):
 
     - ``ego_side``, ``other_side``: the sides that touched
     - ``closing_mps``: magnitude of the difference of the velocities
-    - ``ego_stood_since_s``: since when the ego had been standing, if it was
-    - ``braked_since_s``: since when the ego had been braking at more than 1 m/s² without interruption; None if it was
-      not
+    - ``ego_stood_since_s``: the start of the ego's standstill, if it was standing
+    - ``braked_since_s``: the start of uninterrupted braking at more than 1 m/s²; None if the ego was not braking
     - ``came_in_s``: for a cut-in, when the vehicle ahead entered the path of the one behind
     - ``also_touched``: others that overlap the ego at the same step
     - ``prevention``: None if the tracks do not contain the road user that was hit
@@ -347,7 +347,7 @@ class Contact(Model):
       present then, or if it is not known whether it was predicted
     - ``laid_to``: the cause; None if that gap or the prevention is needed and not known
     - ``fault``: what the ego did, if the cause is the ego
-    - ``sight``: in an imperfect world, since when the planner had got the other; None if it always did
+    - ``sight``: in an imperfect world, when the planner began to receive the other; None if it always did
     """
 
     kind: ContactKind = Field(description="how the two met")

@@ -112,7 +112,7 @@ class RunSteps(Model):
     - ``steering_rad``: steering angles of a vehicle that followed its plans; empty if the planner's states were used as
       they are
     - ``others``: obstacles that reactive traffic moved instead of their recordings; the rest followed their recordings
-    - ``perceived``: what the planner got of the other road users in an imperfect world; None if the world was perfect
+    - ``perceived``: what the planner received about the other road users in an imperfect world; None if it was perfect
     """
 
     first_step: int
@@ -384,7 +384,7 @@ def is_worth_a_look(record: RunRecord) -> bool:
 
 
 class ReviewRequest(Model):
-    """The runs to look at, and the files of their scenarios."""
+    """The runs to review, and the files of their scenarios."""
 
     runs: tuple[RunSource, ...]
     scenarios: tuple[ScenarioSource, ...]

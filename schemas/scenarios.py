@@ -262,8 +262,8 @@ class DescribedEgo(Model):
 class DescribedVehicle(Model):
     """A vehicle when it first appears, and its position along the ego's lane in m (ahead positive).
 
-    ``gap_m`` is bumper to bumper, for vehicles in the ego's lane. ``from_s`` is when it appears. ``vehicle_class`` is
-    the class it was generated as, if CommonRoad has no such type.
+    ``gap_m`` is bumper to bumper, for vehicles in the ego's lane. ``from_s`` is the time at which it appears.
+    ``vehicle_class`` is the class it was generated as, if CommonRoad has no such type.
     """
 
     vehicle_id: int

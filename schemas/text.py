@@ -112,7 +112,7 @@ def in_one_line(value: Any) -> Any:
 
 
 def uncited(text: str) -> str:
-    """Return a text without its marks, for a call that repeats the text of an answer."""
+    """Return a text without the marks around text from outside, so that a call can repeat the text of an answer."""
     return re.sub(f"{OPENING}([^{OPENING}{CLOSING}]*){CLOSING}", r"\1", text)
 
 
@@ -223,7 +223,9 @@ def p_in_words(p: float | None) -> str:
 
 
 def in_any_case(value: Any, words: Iterable[str]) -> Any:
-    """Return the word that equals a text apart from case and spaces, otherwise the value, to be refused later."""
+    """Return the word that equals a text apart from case and spaces; otherwise the value itself, which is refused
+    later.
+    """
     if not isinstance(value, str):
         return value
     return next((word for word in words if word.lower() == value.strip().lower()), value)

@@ -2,8 +2,8 @@
 
 ``docs/worlds.md`` explains every field.
 
-The planner gets what the sensors of a :class:`World` report. The judge, the metrics and the analysis see the truth. The
-default is perfect: the planner gets the true state of every road user within its radius.
+The planner receives what the sensors of a :class:`World` report. The judge, the metrics and the analysis see the truth.
+The default is perfect: the planner receives the true state of every road user within its radius.
 """
 
 import math
@@ -30,7 +30,7 @@ Dynamics = Literal["exact", "kinematic", "single_track", "drift", "multi_body"]
 
 
 class World(Model):
-    """What the sensors between the scenario and the planner do, and how the ego moves.
+    """The effect of the sensors between the scenario and the planner, and the motion of the ego.
 
     All random numbers depend only on the seeds.
 
@@ -65,12 +65,12 @@ class World(Model):
 
     @property
     def is_perfect(self) -> bool:
-        """Whether the planner gets the truth and its plans are driven exactly, whatever the seed."""
+        """Whether the planner receives the truth and its plans are driven exactly, regardless of the seed."""
         return not self.hides_truth and not self.moves_by_model
 
     @property
     def hides_truth(self) -> bool:
-        """Whether anything that the planner gets differs from the truth."""
+        """Whether anything that the planner receives differs from the truth."""
         return self.senses_imperfectly or self.locates_imperfectly
 
     @property
@@ -80,17 +80,17 @@ class World(Model):
 
     @property
     def senses_imperfectly(self) -> bool:
-        """Whether the planner gets other road users in a state that differs from the truth."""
+        """Whether the states of other road users that the planner receives differ from the truth."""
         return any(getattr(self, name) != World.model_fields[name].default for name in _SENSING)
 
     @property
     def locates_imperfectly(self) -> bool:
-        """Whether the planner gets an ego pose that differs from the truth."""
+        """Whether the ego pose that the planner receives differs from the truth."""
         return self.localisation_m > 0 or self.localisation_deg > 0
 
     @property
     def reports_true_states(self) -> bool:
-        """Whether the road users that the planner gets have their true present states."""
+        """Whether the road users that the planner receives have their true present states."""
         return not any(getattr(self, name) for name in _DISTORTING)
 
     @property
@@ -251,7 +251,7 @@ PRESETS: Mapping[str, Preset] = MappingProxyType(
 
 
 def world_of(texts: Sequence[str] | str | World) -> World:
-    """Return the world that an argument states: presets by name and assignments, of which later ones count.
+    """Return the world that an argument states: presets by name and assignments; later ones override earlier ones.
 
     ``"camera, missed=0.2"`` is the camera's world with more misses. Several texts count as one.
 
@@ -353,9 +353,10 @@ REPORTED: tuple[SightCode, ...] = ("seen", "kept")
 
 
 class Sighting(Model):
-    """What the planner got of a road user from a planning step on, until its next entry.
+    """The planner's reception of a road user from a planning step until the next entry.
 
-    Only the steps at which it changed are kept. ``by`` is the road user that hides the largest part of the road user.
+    Only the steps at which it changes have an entry. ``by`` is the road user that hides the largest part of the road
+    user.
     """
 
     obstacle_id: int
@@ -376,10 +377,10 @@ class Ghost(Model):
 
 
 class Perceived(Model):
-    """What the planner got in a run in an imperfect world.
+    """The planner's view of the other road users and of the ego's pose, for a run in an imperfect world.
 
     ``sightings`` are sorted by road user and step. A road user without an entry was never within 80 m of the ego. The
-    ego's pose as the planner got it is given at every planning step if it differed from the truth.
+    ego's pose as the planner received it is stored for every planning step if it differed from the truth.
     """
 
     sightings: tuple[Sighting, ...] = ()
@@ -390,5 +391,5 @@ class Perceived(Model):
 
 
 def sightings_of(perceived: Perceived, obstacle_id: int) -> tuple[Sighting, ...]:
-    """Return what the planner got of one road user, in order of time."""
+    """Return the sightings of one road user, in order of time."""
     return tuple(one for one in perceived.sightings if one.obstacle_id == obstacle_id)

@@ -205,7 +205,7 @@ class PlannerForgeServer(MCPServer[Services]):
     async def call_tool(
         self, name: str, arguments: dict[str, Any], context: Context[Services, Any] | None = None
     ) -> CallToolResult | InputRequiredResult:
-        """Call a tool; if the result is a question, the client must repeat the call with the answer to it.
+        """Call a tool; if the result is a question, the client must repeat the call with the answer.
 
         Raises:
             MCPError: there is no such tool (-32602).

@@ -82,7 +82,7 @@ def calls_within(memory_mb: int) -> int:
 
 
 async def _ended(end: Callable[[], None]) -> None:
-    """Shut down a part of the server in a thread, or in the current thread if no thread can be started."""
+    """Shut down a part of the server in a separate thread, or in the current thread if no thread can be started."""
     try:
         await anyio.to_thread.run_sync(end)
     except RuntimeError:

@@ -148,7 +148,7 @@ class ResourceReading:
         return await self._done(look)
 
     async def _subscribe(self, context: ServerRequestContext[Services], request: SubscribeRequestParams) -> EmptyResult:
-        """Notify this session of changes to a resource, in the revisions with sessions."""
+        """Notify this session of changes to a resource, in the protocol revisions that have sessions."""
         await self.read(request.uri, context.lifespan_context)
         self._news.follow(client_of(context).key, request.uri, context.session)
         return EmptyResult()
@@ -245,7 +245,9 @@ async def _answer_of_tool(name: str, services: Services) -> str:
 
 
 async def _view_data(ids: list[str], services: Services) -> str:
-    """Return the data of a view; a board requests its runs one by one. The late import speeds up the first answers."""
+    """Return the data of a view; a board requests its runs one by one. The import is inside the function so that the
+    first answers are fast.
+    """
     from ..workflows.rendering import make_view
 
     return (await make_view(ids, WorkflowContext(services), whole=False)).data

@@ -125,7 +125,7 @@ class Tasks(Extension):
         self._background: anyio.abc.TaskGroup | None = None
 
     def run_in(self, background: anyio.abc.TaskGroup | None) -> None:
-        """Run tasks in this group; None means no more tasks."""
+        """Run tasks in this group; None means that no more tasks can start."""
         self._background = background
 
     def methods(self) -> Sequence[MethodBinding]:
@@ -366,7 +366,7 @@ async def _is_cancelled(work: _Work) -> bool:
 
 
 async def _record(work: _Work) -> None:
-    """Record how a task ended; if that fails, it seems to run until its lifetime is over."""
+    """Record how a task ended; if that fails, the task seems to run until its lifetime is over."""
     try:
         _write_end(work)
     except PlannerForgeError as error:

@@ -85,7 +85,9 @@ def answer_text(result: CallToolResult) -> str:
 
 
 def linked_by(call: ToolCall) -> list[ResourceLink]:
-    """Return links to what a call created, only the last links if there are many; with type, title and size."""
+    """Return links to the artifacts that a call created, or only the last of them if there are many; with type, title
+    and size.
+    """
     if not call.services.links:
         return []
     links: list[ResourceLink] = []
@@ -130,7 +132,7 @@ _RESULT_ID = re.compile(r"\b(?:run|batch|study|boundary)_[0-9a-f]{12}\b")
 
 
 def _imported_in(text: str, call: ToolCall) -> list[str]:
-    """Return a remark on an answer's results that were imported from an archive, or an empty list."""
+    """Return a remark about results of an answer that were imported from an archive, or an empty list."""
     imported = call.workspace.imported_of(dict.fromkeys(_RESULT_ID.findall(text)))
     if not imported:
         return []

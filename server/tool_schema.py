@@ -25,7 +25,7 @@ _LENGTHS = ("minItems", "maxItems")
 def described_tool(spec: ToolSpec) -> Tool:
     """Return the tool with its description, schemas and annotations, without importing its models.
 
-    The description is built from the models if the tool, still in development, has no description file.
+    If a tool that is still in development has no description file, its description is built from the models.
     """
     file = files("plannerforge.server").joinpath("descriptions", f"{spec.name}.json")
     if not file.is_file():
@@ -131,7 +131,7 @@ def _names(schema: Any) -> Iterator[str]:
 
 
 def _name_of(schema: dict[str, Any]) -> str:
-    """Return the name of the definition that a schema refers to, or an empty text."""
+    """Return the name of the definition that a schema refers to, or an empty string."""
     return str(schema.get("$ref", "")).rpartition("/")[2]
 
 

@@ -68,7 +68,7 @@ _RANKS = {
 
 @dataclass(frozen=True)
 class _Plan:
-    """All resolved arguments of an exploration. ``slices``: values of the parameters that are not mapped."""
+    """All resolved arguments of an exploration; ``slices`` are the values of the parameters that are not mapped."""
 
     logical: LogicalScenario
     axes: tuple[Parameter, Parameter]
@@ -114,7 +114,7 @@ async def explore_boundary(arguments: ExploreBoundaryArguments, context: Workflo
 
     Raises:
         UnknownName: there is no such logical scenario, parameter, base or configuration.
-        InvalidRequest: not two parameters are left to map, or a value is outside its form.
+        InvalidRequest: the number of parameters left to map is not two, or a value cannot be parsed.
     """
     plan = await _plan(arguments, context)
     recipe = plan.recipe()
@@ -227,7 +227,7 @@ def _axes(
 
 
 async def _base(text: str, context: WorkflowContext) -> tuple[Artifact, int | None]:
-    """Return a stored scenario, or that of a road, which is drawn and stored at its first use."""
+    """Return a stored scenario, or the scenario of a road, which is generated and stored on first use."""
     if text not in ROADS:
         return one_scenario(text, context)
     recipe = Recipe(tool=_TOOL, arguments={"road": text}, parents=(), seed=0, versions=versions_of())
@@ -242,7 +242,7 @@ async def _base(text: str, context: WorkflowContext) -> tuple[Artifact, int | No
 
 @dataclass(frozen=True)
 class _Exploration:
-    """One exploration: all its maps, made from the points that are kept and those that workers evaluate."""
+    """One exploration: all its maps, computed from stored evaluations and from new evaluations by workers."""
 
     plan: _Plan
     recipe: Recipe

@@ -51,7 +51,8 @@ async def cannot_ask(question: Question) -> str | None:
 
 
 class Recent:
-    """The artifacts and jobs that one client made or chose, latest last: the meaning of its ``latest`` and ``current``.
+    """The artifacts and jobs that one client made or chose, the latest last; they define its ``latest`` and
+    ``current``.
 
     A client is a session of the protocol. Other clients of the workspace do not affect it.
     """
@@ -82,7 +83,9 @@ class Recent:
         return copied
 
     def is_first_report(self, kind: MadeKind) -> bool:
-        """Return True only the first time, so that the client learns once that a kind's newest item is not its own."""
+        """Return True only the first time, so that a client learns only once that a kind's newest item is not
+        its own.
+        """
         with self._lock:
             is_first_report = kind not in self._reported
             self._reported.add(kind)

@@ -26,7 +26,9 @@ _DIGESTED = 0.02
 
 @dataclass(frozen=True)
 class StatedPlace:
-    """What the user states about a map: its place and its country (ISO alpha-3). None means those of the file."""
+    """What the user states about a map: its place and its country (ISO alpha-3). None means that the file's own values
+    apply.
+    """
 
     place: str | None = None
     country: str | None = None

@@ -1,7 +1,7 @@
 """Search a scenario's surroundings for failures of a planner.
 
-A search is a job. Every evaluated batch is kept, so that an interrupted search, or one with a larger budget, goes on
-where the last one stopped. What it finds are ordinary edited scenarios with their runs.
+A search is a job. Every evaluated batch is stored, so an interrupted search, or a search with a larger budget,
+continues where the last one stopped. The failures that it finds are ordinary edited scenarios with their runs.
 """
 
 from collections.abc import Sequence
@@ -46,7 +46,7 @@ _MOST_TRIED = 6
 
 
 class _Kept(Model):
-    """What a search has evaluated so far."""
+    """The points that a search has evaluated so far."""
 
     space: SearchSpace
     points: tuple[EvaluatedPoint, ...] = ()
@@ -54,10 +54,7 @@ class _Kept(Model):
 
 @dataclass
 class _Search:
-    """A search in progress.
-
-    ``digest``: of what determines its points, without its budget.
-    """
+    """A search in progress; ``digest`` identifies everything that determines its points, but not its budget."""
 
     arguments: FindFailuresArguments
     context: WorkflowContext
@@ -75,11 +72,11 @@ class _Search:
 
     @property
     def path(self) -> Path:
-        """The file with what is kept."""
+        """The file with the evaluated points."""
         return self.context.workspace.root / EXPLORED_FOLDER / f"{self.digest}.json"
 
     def cells(self, points: Sequence[EvaluatedPoint]) -> dict[str, list[EvaluatedPoint]]:
-        """Return the failures among points by cell, in the order of finding."""
+        """Return the failures among points by cell, in the order in which they were found."""
         cells: dict[str, list[EvaluatedPoint]] = {}
         for point in points:
             if point.score.cell is not None:
@@ -105,19 +102,19 @@ class _Search:
         return self.runs >= self.arguments.runs or len(self.points) >= _MOST_TRIED * self.arguments.runs
 
     def resume(self) -> None:
-        """Read what an earlier search kept."""
+        """Read the points that an earlier search stored."""
         if self.path.is_file():
             kept = _Kept.model_validate_json(self.path.read_bytes())
             self.space, self.points = kept.space, [*kept.points]
 
     def keep(self) -> None:
-        """Store what is evaluated; the file is replaced as a whole."""
+        """Store the points evaluated so far, replacing the whole file."""
         if self.space is None:
             return
         _write(self.path, _Kept(space=self.space, points=tuple(self.points)), self.context)
 
     async def open(self) -> SearchSpace:
-        """Return the space, of an earlier search or derived now.
+        """Return the search space, from an earlier search or derived now.
 
         Raises:
             NotPossible: the planner fails in the unchanged base, or nothing plausible can be varied.
@@ -142,7 +139,7 @@ class _Search:
         return await self._record(space, progress)
 
     async def evaluate_batch(self, space: SearchSpace) -> None:
-        """Propose and evaluate one batch, on as many workers as there are."""
+        """Propose one batch, and evaluate it on all workers."""
         sizes = tuple((stratum.name, len(stratum.parameters)) for stratum in space.strata)
         scores = tuple(PointScore(value=one.score.value, cell=one.score.cell) for one in self.points)
         proposed = await self.context.run(
@@ -363,7 +360,7 @@ def _record_path(recipe: Recipe, context: WorkflowContext) -> Path:
 
 
 def _kept_record(recipe: Recipe, context: WorkflowContext) -> FailureSearchRecord | None:
-    """Return the record of a finished search, or None if there is none, or a scenario or run of it is gone."""
+    """Return the record of a finished search, or None if it is missing or one of its scenarios or runs is gone."""
     path = _record_path(recipe, context)
     if not path.is_file():
         return None
@@ -381,7 +378,7 @@ def _keep_record(record: FailureSearchRecord, recipe: Recipe, context: WorkflowC
 
 
 def _write(path: Path, content: Model, context: WorkflowContext) -> None:
-    """Write a file of the workspace; an earlier one is replaced as a whole."""
+    """Write a file of the workspace, replacing an earlier version as a whole."""
     with context.workspace.scratch() as folder:
         made = folder / path.name
         write_text(made, content.model_dump_json(), "the search")

@@ -278,7 +278,9 @@ def _kind_of(path: Path, wanted: str) -> _ImportKind | None:
 async def _import_as_job(
     context: WorkflowContext, arguments: ImportFilesArguments, files: Sequence[tuple[Path, _ImportKind]]
 ) -> ImportFilesResult:
-    """Start the import, or join a running import, and answer with what is done after 45 s at most."""
+    """Start the import, or join a running import; answer when it is done, or after 45 s with the files finished by
+    then.
+    """
     tally = _Tally(len(files))
 
     async def work(progress: JobProgress) -> None:

@@ -178,8 +178,8 @@ async def import_map(
 ) -> ImportedItem | Job:
     """Store a map, unpacked, with its content. A given name and country (ISO alpha-3) override the file's.
 
-    A job splits a binary extract that is too large to read in one piece into tiles. The call waits for it, and returns
-    the job if it has not finished by then or failed.
+    A job splits a binary extract that is too large to read in one piece into tiles. The call waits for this job, and
+    returns it if it failed or is still running after ``wait_s``.
     """
     known = StatedPlace(name, country)
     if is_large(path):

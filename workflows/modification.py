@@ -48,7 +48,7 @@ async def modify_scenario(arguments: ModifyScenarioArguments, context: WorkflowC
 
 
 def _with_edits(arguments: ModifyScenarioArguments, remedy: Remedy) -> Remedy:
-    """Return the remedy for the original call, without the user's choice of vehicles."""
+    """Return the remedy for the call as the client sent it, without the vehicle that the user chose."""
     if remedy.tool:
         return remedy
     chosen = Change(values={"edits": arguments.model_dump(mode="json", exclude_unset=True)["edits"]})

@@ -4,7 +4,8 @@ The table gives type checkers the types between the server's process and its wor
 accepts only the operation's request and returns its response. Entry points are strings because the server's process
 must not import them. A test resolves each one and compares its signature.
 
-Time limits are generous (chosen) and end what hangs. If a client waits for an answer, they are 50 s.
+Time limits are generous (our choice), because they only have to end operations that hang. If a client waits for the
+answer, the limit is 50 s.
 """
 
 from ..engine.execution import Operation

@@ -183,7 +183,9 @@ _LONGEST_REASON = 600
 
 
 def version_key(planner: str) -> str:
-    """Return a recipe's key for the version of a user's planner, which may have the name of a package."""
+    """Return a recipe's key for the version of an external planner, which differs from the key of a package of that
+    name.
+    """
     return f"planner {planner}"
 
 

@@ -332,7 +332,7 @@ async def _confirm(context: WorkflowContext, runs: int) -> None:
 
 
 def own_share(finished: Sequence[CellResult], known: int, total: int) -> float:
-    """Return the share done of the runs that were not stored before, since stored runs do not predict the rest."""
+    """Return the completed share of the runs that were not stored before, since stored runs do not predict the rest."""
     reused = sum(result.reused for result in finished)
     return (len(finished) - min(reused, known)) / max(total - known, 1)
 

@@ -52,7 +52,7 @@ def as_plain_text(messages: Sequence[Message], tools: Sequence[ToolDefinition]) 
 
 
 def read_choice(text: str, call_id: str) -> CallPart | TextPart:
-    """Return the call or the answer that a model wrote; a call without arguments if it is neither."""
+    """Return the call or the answer that a model wrote; if it wrote neither, return a call without arguments."""
     try:
         choice = json.loads(text)
     except ValueError:

@@ -59,7 +59,7 @@ class OllamaModel:
         return f"ollama:{self._model}"
 
     async def facts(self) -> ModelFacts:
-        """Return the server's facts about the model, requested once; the context is the one that requests will use."""
+        """Return the server's facts about the model, requested once, with the context length that requests will use."""
         if self._facts is None:
             self._facts = await self._request_facts()
         return self._facts

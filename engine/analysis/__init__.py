@@ -9,10 +9,10 @@
 ``write_run_table``: the operation that writes the table of a batch, one row per run.
 ``Course``: a run over time: motions, gap to the nearest other road user, time to collision.
 ``course_of``: returns a run over time, or None if its steps are missing.
-``contact_in``: returns how the collision of a run that is not stored came about.
-``drivers_that_avoid``: returns the reference drivers that hit nothing from an ego's start.
+``contact_in``: explains the collision in a run that is not stored.
+``drivers_that_avoid``: returns the reference drivers that would hit nothing if they drove from the ego's start.
 ``look_at_runs``: the operation that examines each run once; the result is stored with the run.
-``known_contacts``: returns how the collisions of runs came about.
+``known_contacts``: explains the collisions in runs.
 ``METRICS``: the metrics of a run, with their units, directions and the runs in which they may be compared.
 ``MetricSpec``: one of these metrics.
 ``cost_shares``: returns the mean weighted cost of each term and its share, by configuration, largest share first.

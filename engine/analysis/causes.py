@@ -121,7 +121,9 @@ def _estimated_without(runs: RunSet, hits: int, unpreventable: Rate) -> Rate:
 
 
 def known_contacts(runs: RunSet) -> dict[str, Contact]:
-    """Return contacts by run id for collisions with road users, all or sampled, where the course is known."""
+    """Return the contacts of collisions with road users by run id, for all runs or a sample; runs without a known
+    course are left out.
+    """
     return _contacts(runs, sample_of(runs, (one for one in runs.valid if hit_another(one)), MOST_COLLISIONS))
 
 

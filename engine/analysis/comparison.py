@@ -166,7 +166,7 @@ def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunReco
 def _finished(
     draft: _Draft, adjusted: "Iterator[SuccessTest | MetricTest]", runs: RunSet, request: CompareRequest
 ) -> Comparison:
-    """Return the comparison of a draft, taking its adjusted tests from the iterator."""
+    """Complete a draft comparison with its adjusted tests, which are the next ones in the iterator."""
     (before, after), pairing = draft.sides, draft.pairing
     own = list(islice(adjusted, 1 + len(draft.metrics)))
     (success,) = (test for test in own if isinstance(test, SuccessTest))
@@ -439,7 +439,7 @@ _SPECS = {spec.name: spec for spec in METRICS}
 
 
 def _judged(test: MetricTest, pairs: _Pairs) -> MetricTest:
-    """Return the test; if it shows a difference, with the better side and the pair that differs most."""
+    """Return the test; if it shows a difference, add the better side and the pair with the largest difference."""
     if not _is_significant(test):
         return test
     spec, shift = _SPECS[test.name], test.shift or 0.0
@@ -456,7 +456,9 @@ def _judged(test: MetricTest, pairs: _Pairs) -> MetricTest:
 
 
 def _is_significant(test: MetricTest) -> bool:
-    """Return True if a metric differs beyond chance (Holm) and beyond its resolution, by an interval without 0."""
+    """Return True if a metric's difference is significant (Holm), exceeds the metric's resolution, and has an interval
+    without 0.
+    """
     if test.p_holm is None or test.low is None or test.high is None or test.shift is None:
         return False
     return test.p_holm < LEVEL and not test.low <= 0 <= test.high and abs(test.shift) > _SPECS[test.name].tolerance
@@ -558,7 +560,7 @@ def _by_lineage(
     lineages: Mapping[str, Lineage],
     conditions: tuple[str, ...],
 ) -> list[tuple[RunRecord, RunRecord]]:
-    """Return the pairs of runs that are the only ones on their side with a scenario from the same root."""
+    """Return pairs of runs on scenarios with the same root; each run is its side's only run for that root."""
 
     def by_root(records: Sequence[RunRecord]) -> dict[tuple[object, ...], list[RunRecord]]:
         groups: dict[tuple[object, ...], list[RunRecord]] = {}

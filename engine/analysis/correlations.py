@@ -98,7 +98,9 @@ def _plain(seen: Sequence[_Scenario], name: str) -> tuple[float, float] | None:
 def _controlled_for(
     seen: Sequence[_Scenario], name: str, others: Sequence[str]
 ) -> tuple[tuple[str, ...], tuple[float, float] | None]:
-    """Return the features held fixed, with the resulting ρ and p; None if no feature can be, or nothing is left."""
+    """Return the features held fixed, with the resulting ρ and p; None if no feature can be held fixed, or no data is
+    left.
+    """
     known = [scenario for scenario in seen if {name, *others} <= scenario.features.keys()]
     counts: dict[str, int] = {}
     for scenario in known:

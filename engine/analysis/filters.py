@@ -51,7 +51,7 @@ def matching(runs: RunSet, conditions: Sequence[str]) -> RunSet:
 
 
 def on_outcome(conditions: Sequence[str]) -> tuple[str, ...]:
-    """Return the conditions that select runs by outcome; a success rate over this selection says nothing."""
+    """Return the conditions that select runs by outcome; a success rate over this selection is meaningless."""
     return tuple(text for text in conditions if parse_condition(text, words=True).name == "outcome")
 
 

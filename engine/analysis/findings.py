@@ -344,10 +344,10 @@ _LATE: tuple[tuple[str, tuple[PaceCode, ...], str, str], ...] = (
 def _late(evidence: Evidence) -> Iterator[Finding]:
     """Yield findings on late runs: goals out of reach, what egos waited for, and what delayed the remaining runs.
 
-    Each run counts for the first cause that holds: a goal out of reach, then the cause in ``_LATE`` that took most of
-    the drive, if it took at least 40%. The remaining runs are reported per configuration with the median run's largest
-    cost term. If that term is the speed offset, the planner is slow despite the cost, so the weight is too small. Any
-    other term holds the ego back.
+    Each run is attributed to the first cause that holds: a goal out of reach, then the cause in ``_LATE`` that took
+    most of the drive, if it took at least 40%. The remaining runs are reported per configuration with the median run's
+    largest cost term. If that term is the speed offset, the planner is slow despite the cost, so the weight is too
+    small. Any other term holds the ego back.
     """
     runs = evidence.runs
     late = [record for record in runs.failures if record.outcome in ("timeout", "goal_late")]
@@ -541,7 +541,7 @@ _ROLLING_MPS = 2.0
 def _near_misses(evidence: Evidence) -> Iterator[Finding]:
     """Yield, per configuration, successes in which the moving ego came close to a road user ahead or crossing.
 
-    Road users that are behind, alongside or oncoming in their own lane decide themselves how close they come. They are
+    Road users that are behind, alongside or oncoming in their own lane control the distance themselves. They are
     counted separately.
     """
     runs = evidence.runs

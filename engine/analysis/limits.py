@@ -4,8 +4,8 @@
     baseline   not worse than BASELINE [by MARGIN] [for CONFIG] · nothing lost against BASELINE [for CONFIG]
 
 A limit is judged for every configuration separately. Shares are those of the valid runs; ``with confidence`` compares
-the limit with the less favourable end of the 95% interval. A metric without a statistic must hold in every run that
-has it, or in the given share of them.
+the limit with the less favourable end of the 95% interval. A limit on a metric without a statistic must hold in every
+run that has the metric, or in the given share of these runs.
 """
 
 import operator
@@ -72,7 +72,7 @@ class Judged:
     """The runs of a configuration to which limits are applied, its cells without a run, and related facts.
 
     ``unpreventable``: runs with a collision that no reference driver prevents; ``against``: by baseline, the paired
-    test of its runs (before) and these (after), and the scenarios that only the baseline mastered; ``roots``: the root
+    test of its runs (before) and these (after), and the scenarios that only the baseline solved; ``roots``: the root
     scenario of each edited scenario.
     """
 

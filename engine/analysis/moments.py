@@ -122,7 +122,7 @@ def contact_of(runs: RunSet, record: RunRecord) -> Contact | None:
 def contact_in(
     record: RunRecord, steps: RunSteps, tracks: dict[int, Track], predict: Predictor | None, lane: Points | None
 ) -> Contact | None:
-    """Return how the collision of a run that is not stored came about, without the latest times to prevent it.
+    """Explain the collision in a run that is not stored, without the latest times to prevent it.
 
     Steering aside is not examined either.
 
@@ -137,7 +137,9 @@ def contact_in(
 
 
 def _attributed(runs: RunSet, record: RunRecord, contact: Contact | None) -> Contact | None:
-    """Return the contact; it is attributed to the ego if reference drivers on its path cannot undo what it did."""
+    """Return the contact; attribute it to the ego if an act of the ego made the collision unavoidable for reference
+    drivers.
+    """
     fault = None if contact is None else _fault(runs, record, contact)
     return (
         contact if contact is None or fault is None else contact.model_copy(update={"laid_to": "ego", "fault": fault})
@@ -278,7 +280,7 @@ class _Drive:
         )
 
     def nearest_moments(self) -> tuple[Encounter | None, Encounter | None]:
-        """Return the moments of the smallest gap and the shortest time to collision; of equal values, the first."""
+        """Return the moments of the smallest gap and of the shortest time to collision; the first moment wins a tie."""
         others = list(self._tracks.values())
         met = encounters(self._ego, others)
         if not len(met.state):
@@ -375,7 +377,7 @@ class _Drive:
         planning.
 
         ``neither``: neither UN R157's careful driver nor the fuzzy driver prevents it from both starts. ``unseen``: the
-        planner did not get the other road user in time.
+        planner did not receive the other road user in time.
         """
         if kind in FROM_BEHIND and self._record.traffic == "recorded":
             return "recording"
@@ -390,9 +392,10 @@ class _Drive:
         return None if predicted_m is None else "prediction" if predicted_m > 0 else "planning"
 
     def _was_unseen(self, sightings: Sequence[Sighting], prevention: Prevention | None, hit_step: int) -> bool:
-        """Return whether the planner did not get the other road user when the ego could last have braked.
+        """Return True if the planner had not received the other road user by the last time to brake.
 
-        That is the latest time at which full braking prevents the collision, or a second before it if it does not.
+        That time is the latest at which full braking prevents the collision or, if braking cannot prevent it, one
+        second before the collision.
         """
         until_s = None if prevention is None else prevention.by_braking_until_s
         step = hit_step - round(_FORESEEN_S / self._record.step_s)
@@ -402,7 +405,7 @@ class _Drive:
         return bool(sightings) and (not then or then[-1].code not in REPORTED)
 
     def _sight(self, sightings: Sequence[Sighting], hit_step: int) -> Sight | None:
-        """Return the ``Sight`` of a road user that is hit at a step, or None if the planner had got it throughout."""
+        """Return the ``Sight`` of a road user that is hit at a step, or None if the planner always received it."""
         before = [one for one in sightings if one.step <= hit_step]
         last = max((at for at, one in enumerate(before) if one.code not in REPORTED), default=-1)
         if last < 0:

@@ -261,7 +261,7 @@ class _Pace:
         return found
 
     def _settled(self, first: int, causes: list[_Cause]) -> Iterator[PaceMoment]:
-        """Yield stretches of one code; a stretch shorter than a start belongs to the stretch before or after it."""
+        """Yield stretches of one code; merge a stretch shorter than a start takes with the one before or after it."""
         runs: list[list[int]] = []
         for index, cause in enumerate(causes):
             if runs and causes[runs[-1][0]].code == cause.code:
@@ -300,7 +300,7 @@ class _Pace:
                 yield self._moment(_Cause("held_up", most), first, last)
 
     def _brakings(self) -> Iterator[PaceMoment]:
-        """Yield stretches in which the ego slowed down, at some time by 2 m/s² or more."""
+        """Yield stretches in which the ego slowed down, at its hardest by 2 m/s² or more."""
         felt = self._drive.acceleration_mps2.copy()
         felt[:1] = 0.0  # the planner does not decide how the run began
         for first, last in _stretches(felt <= -GENTLE_MPS2):
@@ -569,7 +569,9 @@ class _Pace:
         return found
 
     def _who_crosses(self, index: int) -> int | None:
-        """Return the road user that a standing ego waits for: it crosses or enters the path sooner than accepted."""
+        """Return the road user that a standing ego waits for: one that crosses or enters the path within the accepted
+        gap.
+        """
         front = float(self._stations[index]) + self._ego.length_m / 2
         until = index + round(CRITICAL_HEADWAY_S / self._step_s)
         for other in self._on_path:

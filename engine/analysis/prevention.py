@@ -84,8 +84,8 @@ def prevention_of(
 
     The result is None if the two bodies do not touch on their tracks. Steering is tried if the surroundings contain the
     road. ``finds_latest``: whether to find the latest times at which drivers can take over, which takes most of the
-    time. Without it, these times are None, full braking is tried only from the ego's first state, and of the other
-    drivers only UN R157's are judged.
+    time. Without it, these times are None, full braking is tried only from the ego's first state, and the only other
+    drivers judged are those of UN R157.
     """
     encounters = _Encounters(ego, other, hit_step, step_s, around or Surroundings((), None), finds_latest)
     if not encounters.touch:

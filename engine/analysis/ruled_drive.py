@@ -459,7 +459,7 @@ def _passage(
 ) -> _Passage | None:
     """Return how a road user on these lanelets, one entry per step, passes an intersection, or None if it does not.
 
-    Of several incomings, the one with the most steps is chosen.
+    If there are several incomings, the one with the most steps is chosen.
     """
     steps_on = Counter(key for keys in under for key in keys)
     found: list[tuple[int, _Passage]] = []

@@ -95,7 +95,7 @@ class RunSet:
         return {lineage.scenario_id: lineage.root for lineage in self.lineage}
 
     def root(self, record: RunRecord) -> str:
-        """Return the scenario that a run counts for: its own, or the one that it was edited from."""
+        """Return the scenario under which a run is counted: its own, or the one that it was edited from."""
         return self._roots.get(record.scenario_id, record.scenario_id)
 
     def rate(self, of: Iterable[RunRecord], counted: Callable[[RunRecord], bool] = reached_goal) -> Rate:

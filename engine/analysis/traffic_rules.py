@@ -93,8 +93,8 @@ def judged_by_rules(drive: RuledDrive) -> tuple[RuleVerdict, ...]:
 def rule_shares(runs: RunSet) -> tuple[RuleShare, ...]:
     """Return, by configuration and rule, how many of the runs to which the rule applied broke it.
 
-    Of more than 200 runs, only those of randomly drawn scenarios are examined, so that all configurations have the same
-    scenarios.
+    If there are more than 200 runs, only those of randomly drawn scenarios are examined, so that all configurations
+    have the same scenarios.
     """
     by_scenario = list(runs.valid)
     if len(by_scenario) > MOST_RUNS:

@@ -237,7 +237,7 @@ def _limits(connection: sqlite3.Connection, constraint: Constraint, entering: En
 
 
 def _words(constraint: Constraint, funnel: Funnel, entering: EntrySet) -> str:
-    """Return names of the same kind among the candidates, or an empty string if these have what was excluded."""
+    """Return similar names of the same kind that some candidate has, or an empty string for an excluded name."""
     if constraint.negated:
         return ""
     kind, word = constraint.words[0]

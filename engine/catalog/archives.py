@@ -1,7 +1,8 @@
 """Download an archive of scenarios, check its hash, and unpack it within limits.
 
-pooch also downloads files with a known hash, but accepts a download of any length. To limit it, we would need our own
-downloader (most of this module) and pooch's dependencies (requests, platformdirs, packaging).
+pooch also downloads files with a known hash, but accepts a download of any length. With pooch, a limit on the length
+would still need most of this module, as a custom downloader, in addition to pooch's dependencies (requests,
+platformdirs, packaging).
 """
 
 import hashlib
@@ -158,7 +159,7 @@ def _extract(archive: zipfile.ZipFile, folder: Path) -> None:
 
 @contextmanager
 def _writing(target: Path) -> Iterator[Callable[[bytes], None]]:
-    """Yield a function that writes blocks into a new file; a full disk is not reported as the archive's fault.
+    """Yield a function that writes blocks to a new file; report a full disk as such, not as a fault of the archive.
 
     Raises:
         ResourceFailure: the disk cannot be written.

@@ -189,7 +189,7 @@ class ScenarioIntake:
         return family(self._workspace.database.connection(), scenario_id)
 
     async def _put(self, decided: Sequence[_Decision], folder: Path) -> list[_Decision]:
-        """Store new files, and return all decisions; a file that is still new then lost its id to another server."""
+        """Store new files, and return all decisions; a decision that stays new lost its id to another server."""
         new = [decision for decision in decided if isinstance(decision, _New)]
         failures: dict[str, PlannerForgeError] = {}
         if new:

@@ -142,7 +142,9 @@ class Search:
         return bool(self.arguments.text or self.arguments.like)
 
     def candidates(self) -> tuple[str, ...]:
-        """Return the ids to rank: the matches (or the nearest) for the funnel, the country's for hybrid, or all."""
+        """Return the ids to rank: for the funnel, the matches or the nearest entries; for hybrid, those in the country;
+        else all.
+        """
         numbers = self.funnel.everything
         if self.arguments.method == "funnel":
             numbers = self.funnel.matches or self.funnel.entries.of(self.funnel.nearest(RANKED_FALLBACKS))
@@ -227,7 +229,9 @@ class Search:
         )
 
     def _text_notes(self, ranking: Ranking | None) -> list[str]:
-        """Return notes on where the text's words occur, and on words that occur nowhere; the text only ranks."""
+        """Return notes on the words of the text that occur in the catalogue or nowhere, since a text only affects the
+        ranking.
+        """
         text = self._text_words
         few = len(text.found) + len(text.nowhere) <= _FEW_WORDS
         notes = ["The text index was damaged and has been rebuilt."] if ranking and ranking.mended_index else []
@@ -254,7 +258,7 @@ class Search:
         return max(ranking.scores.values(), default=0.0) <= ranking.least_likeness if ranking else True
 
     def _not_considered(self) -> list[str]:
-        """Return a note on the matches that a diverse selection, and so its coverage, did not consider."""
+        """Return a note if a diverse selection considered only the first matches."""
         total = len(self._matching)
         if self.arguments.diverse is None or total <= MOST_CONSIDERED:
             return []
@@ -274,7 +278,7 @@ class Search:
         return self._others(self.funnel.matches)
 
     def _others(self, numbers: EntrySet) -> EntrySet:
-        """Return the entries except the one given in ``like``."""
+        """Return the entries without the entry given in ``like``."""
         like = [] if self.arguments.like is None else [self.arguments.like]
         return numbers - numbers.entries.of(_numbers_of(self._connection, like).values()) if like else numbers
 
@@ -481,7 +485,9 @@ def _covered_values(connection: sqlite3.Connection, entries: Sequence[_Entry]) -
 
 
 def _most_diverse(values: Mapping[str, Values], wanted: int) -> list[str]:
-    """Return the ids of the greedy selection, in order of choice; of equal entries, the earlier in ``values`` wins."""
+    """Return the ids of the greedy selection, in order of choice; the entry that is earlier in ``values`` wins
+    a tie.
+    """
     remaining, chosen = list(values), list[str]()
     covered: set[tuple[str, str]] = set()
     while remaining and len(chosen) < wanted:

@@ -187,7 +187,7 @@ def _enter_missing(connection: sqlite3.Connection) -> int:
 
 
 def list_again(database: "Database", scenario_id: str) -> None:
-    """List an earlier version instead of the later versions.
+    """Make the catalogue list an earlier version of a scenario again, instead of its later versions.
 
     Raises:
         ResourceFailure: the database cannot be written.

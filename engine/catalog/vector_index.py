@@ -210,7 +210,7 @@ def remove_damaged(root: Path, parts: Sequence[Path] | None = None) -> list[Path
 
 
 def _is_sound(file: Path) -> bool:
-    """Return whether SQLite finds no fault in a file; a locked file is in use, and so sound."""
+    """Return whether SQLite finds no fault in a file; a locked file is in use and therefore counts as sound."""
     connection = sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True)
     try:
         return bool(connection.execute("PRAGMA quick_check(1)").fetchone() == ("ok",))
@@ -264,8 +264,8 @@ def _close_all() -> None:
 def _used_now(folder: Path, at_most_unused_s: float = math.inf) -> bool:
     """Return whether the generation is complete and was used recently enough; if so, date its marker now to keep it.
 
-    Without the lock, only a generation that no process may remove yet can be dated, and only if its marker exists: a
-    new marker would declare complete a generation that another process has just removed.
+    Without the lock, date only a generation that no process may remove yet, and only if its marker exists. A new marker
+    would make a generation look complete after another process has just removed it.
     """
     marker = folder / COMPLETE
     try:

@@ -288,7 +288,7 @@ class ScenarioDocument:
         self.root.remove(element)
 
     def add_obstacle(self, element: "etree._Element", *, is_static: bool = False) -> None:
-        """Add an obstacle: a static obstacle before the dynamic ones, any other after the dynamic obstacles."""
+        """Add an obstacle: static obstacles are placed before the dynamic obstacles, all others after them."""
         names = ("staticObstacle",) if is_static and not self.is_2018b else ("dynamicObstacle", "obstacle")
         existing = [child for child in self.root if child.tag in names]
         after = (*(("dynamicObstacle",) if is_static else ()), *_AFTER_OBSTACLES)
@@ -321,7 +321,7 @@ class ScenarioDocument:
             new[-1].tail = tail
 
     def write(self, path: Path, benchmark_id: str) -> None:
-        """Write the tree under a new benchmark id; UTF-8 with a declaration."""
+        """Write the tree with a new benchmark id, in UTF-8 and with an XML declaration."""
         self.root.set("benchmarkID", benchmark_id)
         written = etree.tostring(self.tree, xml_declaration=True, encoding="UTF-8")
         path.write_bytes(self.split.with_chunks(written))

@@ -91,8 +91,8 @@ class LoadedScenario:
 
     ``plain_states``: by obstacle id, the states after the initial one that were read as arrays: points and exact
     headings. ``ego_classes``: the ego's class by planning problem; cars are left out. ``friction``: the friction
-    coefficient of the roads, or None if the file has none. ``edited``: what edits in memory prescribe; None for a
-    scenario as in its file, which then states it.
+    coefficient of the roads, or None if the file has none. ``edited``: what edits in memory prescribe; None if the
+    scenario is as in its file, which then contains these.
     """
 
     scenario: "Scenario"
@@ -210,7 +210,7 @@ def kept_recording(path: Path, size_bytes: int | None = None, *, keep: bool = Tr
     Args:
         path: the file.
         size_bytes: its maximum size; None means that of ``XmlLimits``.
-        keep: whether to cache it on disk too; not worthwhile for one of many files that is read once.
+        keep: whether to cache it on disk too, which is not worthwhile for a file that is read only once.
 
     Raises:
         UnsafeInput: as ``read_recorded``.
@@ -227,7 +227,7 @@ def kept_recording(path: Path, size_bytes: int | None = None, *, keep: bool = Tr
 
 @dataclass(frozen=True)
 class _Content:
-    """The content of a file at any path; the other fields state where, and with which limits, it is first read."""
+    """The content of a file, equal for equal digests; ``path``, ``limits`` and ``keep`` state how it is first read."""
 
     digest: str
     path: Path = field(compare=False)

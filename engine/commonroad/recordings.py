@@ -197,7 +197,7 @@ class _PlainPickler(pickle.Pickler):
     """A pickler that writes NumPy's arrays and numbers as their type, shape and bytes."""
 
     def reducer_override(self, written: Any) -> Any:
-        """Return the reduced form of NumPy's objects; other objects use their own."""
+        """Return the reduced form of NumPy's objects; all other objects are reduced as usual."""
         import numpy as np
 
         if isinstance(written, np.ndarray):

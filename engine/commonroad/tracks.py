@@ -153,7 +153,9 @@ def _states(states: list[Any]) -> PlainStates:
 
 
 def center_of(position: Any) -> Any:
-    """Return the centre (2,) in m of a point or region, without its height; of several regions, the mean centre."""
+    """Return the centre (2,) in m of a point or region, without its height; for several regions, the mean of their
+    centres.
+    """
     if hasattr(position, "shapes"):
         return np.mean([center_of(part) for part in position.shapes], axis=0)
     return (position.center if hasattr(position, "center") else position)[:2]

@@ -66,8 +66,8 @@ class ManoeuvreExecutor:
     """Gives the orders of all driven vehicles, step by step, to one simulation.
 
     A lane change is requested until it is done: it waits for room, and SUMO adapts the speed to find it. If the
-    adjacent lane does not exist yet (for example inside a junction), the change is requested on the next edge. Of
-    several changes, the next one starts when the previous one is done.
+    adjacent lane does not exist yet (for example inside a junction), the change is requested on the next edge. If there
+    are several changes, each one starts when the previous one is done.
     """
 
     def __init__(self, sumo: Sumo) -> None:
@@ -78,7 +78,7 @@ class ManoeuvreExecutor:
         self._braking: set[str] = set()
 
     def act(self, key: str, manoeuvres: tuple[Manoeuvre, ...], step: int, highest_mps: float | None = None) -> None:
-        """Give a vehicle on the road the orders that apply at a step; of several speeds, the latest applies.
+        """Give a vehicle on the road the orders that apply at a step; if there are several speeds, the latest applies.
 
         ``highest_mps``: the speed that the vehicle must brake to in the next step, however hard it must brake.
         """

@@ -29,7 +29,8 @@ Cause = Literal["edited", "added", "handed_over"]
 
 @dataclass(frozen=True)
 class JunctionLaneChange:
-    """A lane change inside a junction: SUMO uses ``lanelet_id`` at once; the motion moves over while rolling.
+    """A lane change inside a junction: SUMO uses ``lanelet_id`` at once; the written motion moves over gradually, while
+    the vehicle rolls.
 
     ``within_m``: the distance of the change along the lane, from the hand-over.
     """

@@ -340,7 +340,7 @@ class _Run:
                 self._remove(actor.key)
 
     def _in_order(self, keys: Iterable[str]) -> list[Actor]:
-        """Return actors in the order of all: SUMO's results depend on the order of placement."""
+        """Return actors in a fixed order, because SUMO's results depend on the order of placement."""
         return [self._actors[key] for key in sorted(keys, key=self._order.__getitem__)]
 
     def _place(self, actor: Actor, index: int) -> None:

@@ -107,7 +107,9 @@ def smooth_step(share: Values) -> Values:
 
 
 def _path(points: Points, base: Track) -> tuple[Points, NDArray[np.intp]]:
-    """Return the points without repeats (if only one, with a second straight ahead), and each point's new index."""
+    """Return the points without repeats, and each point's new index; a single point gets a second one straight
+    ahead.
+    """
     kept, places = [points[0]], [0]
     for point in points[1:]:
         if float(np.linalg.norm(point - kept[-1])) > _REPEATED_M:

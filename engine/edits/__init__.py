@@ -3,10 +3,10 @@
 ``SCENARIO_FILE``: the name of an edited scenario's file.
 ``apply_edits``: applies all edits of a request in one re-simulation, or refuses the request; returns files and reports.
 ``Changes``: everything that a list of edits requests, before anything is simulated; immutable.
-``EditableScenario``: a base scenario that is edited in memory again and again, with the values of its files.
+``EditableScenario``: a base scenario that can be edited in memory any number of times, with the values of its files.
 ``EditedScenario``: a scenario after edits, in memory.
 ``NeedsFile``: raised for edits that can only be applied with files.
-``road_across``: returns where one who crosses a road at a point of a lanelet starts and ends.
+``road_across``: returns the start and end of a crossing of the road at a point of a lanelet.
 ``select``: returns the ids of the vehicles that selectors match, ascending.
 ``scene_of``: returns the scene of a file with its lanes and SUMO network, cached for the next request.
 """

@@ -240,7 +240,7 @@ def ego_of_base(kept: KeptScene, setup: SimulationSetup) -> Track | None:
 def resolved_edits(
     edits: tuple[Edit, ...], base: Scene, start: Changes, earlier: int = 0, first: int = 0
 ) -> ResolvedEdits:
-    """Apply edits in order; one refusal refuses all. Every edit sees the scene after the previous edits.
+    """Apply edits in order; if one is refused, all are refused. Every edit sees the scene after the previous edits.
 
     ``start``: the changes before the first edit. ``earlier``: how many edits come from earlier calls; in errors, the
     numbering of the other edits starts at ``first``.
@@ -326,8 +326,8 @@ def _scene_after(base: Scene, changes: Changes) -> Scene:
 class _Run:
     """Data that all simulations of a request share.
 
-    ``start``: the changes before the first edit. ``reports_ego``: whether the ego's drive is wanted even if no vehicle
-    is simulated that could see it.
+    ``start``: the changes before the first edit. ``reports_ego``: whether the ego's drive is needed even if no
+    simulated vehicle could see the ego.
     """
 
     request: ModificationRequest
@@ -393,7 +393,7 @@ def simulated_edits(
         setup: the simulation.
         start: the changes before the first edit.
         resolved: the edits.
-        reports_ego: whether the ego's drive is wanted even if no vehicle is simulated that could see it.
+        reports_ego: whether the ego's drive is needed even if no simulated vehicle could see the ego.
 
     Raises:
         NotPossible: a vehicle cannot be driven or would enter at an occupied position, or collisions remain and the

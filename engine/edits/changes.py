@@ -165,8 +165,8 @@ def distances_ahead_m(scene: Scene, plan: DrivePlan) -> dict[int, float]:
 def scene_for_references(scene: Scene, changes: Changes) -> Scene:
     """Return ``scene_after``'s scene, with added vehicles at their entries and without removed vehicles.
 
-    The scene serves to resolve selectors and occupied positions in agreement with a description of the edited scenario.
-    Don't simulate it: a simulation drives the added vehicles and has no recording of them.
+    Use the scene to resolve selectors and occupied positions, so that they agree with a description of the edited
+    scenario. Don't simulate it: a simulation drives the added vehicles and has no recording of them.
     """
     added = {key: plan for key, plan in changes.driven.items() if plan.cause == "added"}
     if not added and not changes.removed:

@@ -180,7 +180,7 @@ def new_overlaps(
 
 
 def _first_new(first: Track, second: Track, first_before: Track | None, second_before: Track | None) -> int | None:
-    """Return the first step at which two begin an overlap that the recording lacks at about that time, or None."""
+    """Return the first step of an overlap that the recording does not have at about that time, or None."""
     steps = overlap_steps(first, second)
     step = next(steps, None)
     if step is None or first_before is None or second_before is None:

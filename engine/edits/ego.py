@@ -554,7 +554,7 @@ def _distance_along(scene: Scene, ego: Ego, route: tuple[int, ...], station_m: f
 
 
 def _goal_lanelet_ids(scene: Scene, changes: Changes, ego: Ego) -> tuple[int, ...]:
-    """Return the lanelets of the goal, moved by edits or as in the file; empty if it has no lanelet."""
+    """Return the lanelets of the goal, as moved by edits or as in the file; empty if the goal has no lanelet."""
     if changes.goal:
         return (changes.goal.lanelet_id,)
     return tuple(goal_center_lanelets(scene.network, scene.loaded.problem(ego.problem_id)))

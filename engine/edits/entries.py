@@ -167,7 +167,7 @@ def _at(place: Place) -> Remedy:
 
 
 def _alone_at(place: Place) -> Remedy:
-    """Return the edit with a different place, for a single vehicle."""
+    """Return the edit for a single vehicle, at a different place."""
     return Remedy((*_at(place).changes, *with_values(**dict.fromkeys(_SEVERAL)).changes))
 
 
@@ -200,7 +200,7 @@ def _would_reach(
 
 
 def _stopping_distance_m(speed_mps: float, friction: float | None) -> float:
-    """Return a driver's stopping distance from a speed or, for a closing speed, how much closer it comes."""
+    """Return a driver's stopping distance at a speed; for a closing speed, the distance that the gap shrinks by."""
     return speed_mps * HARD_BRAKING_REACTION_S + speed_mps**2 / (2 * hardest_braking_mps2(friction))
 
 
@@ -333,7 +333,7 @@ def _ego_in_lane(scene: Scene, changes: Changes, place: Place, step: int) -> lis
 
 
 def slower_entries(simulated: SimulatedEdits) -> tuple[tuple[Edit, ...], tuple[str, ...]] | None:
-    """Return the edits with half or zero speed for added vehicles if this keeps them from hitting other road users.
+    """Return the edits with half or zero speed for those added vehicles that would otherwise hit other road users.
 
     Returns:
         The edits, and a sentence on each vehicle that enters more slowly; None if there is no such vehicle.

@@ -339,7 +339,7 @@ class DrivenVehicle:
         return lanelets[:count]
 
     def _gets_onto(self, lanelet_id: int, begin: int) -> bool:
-        """Return True if, at or between any steps, more of the vehicle's front half than its bumper is on a lanelet."""
+        """Return True if, during or between steps, a significant part of the vehicle's front half is on a lanelet."""
         area = self.scene.matcher.area(lanelet_id)
         least_m = min(_ON_IT_M, self.scene.lanelet_graph.length_m[lanelet_id] / 2)
         centres, fronts = self.track.positions[begin:], self.track.fronts[begin:]
@@ -521,7 +521,7 @@ _MISSED: Mapping[str, str] = {
 
 
 def _is_set_anew(step: EditStep, key: int, later: Sequence[EditStep]) -> bool:
-    """Return True if later edits set all of an edit's parameters to values independent of the earlier values."""
+    """Return True if later edits set all parameters of an edit again, to values independent of the earlier values."""
     of_vehicle = [other.parameters for other in later if key in other.vehicles]
     anew = {name for parameters in of_vehicle for name, is_whatever in parameters.items() if is_whatever}
     return bool(step.parameters) and anew.issuperset(step.parameters)
@@ -551,7 +551,7 @@ def _sent_elsewhere(step: EditStep, plan: DrivePlan, targets: frozenset[int]) ->
 
 
 def _next_speed(step: EditStep, plan: DrivePlan) -> Manoeuvre | None:
-    """Return the speed order that comes next in time after the edit's own order, or None."""
+    """Return the next speed order after the edit's own, or None if there is none."""
     wanted, first = step.speeds[plan.start.obstacle_id]
     own = Manoeuvre(first, speed_mps=wanted)
     after = plan.manoeuvres[plan.manoeuvres.index(own) + 1 :]

@@ -1,7 +1,7 @@
 """Edits without files: the scenario that ``apply_edits`` would write and a run would read back, with the same values.
 
 A search edits one scenario thousands of times, and most of the time of an edit goes into XML. Here, only the touched
-road users are made anew, as arrays; all others, the road and the scene are those of the base. Values are rounded as
+road users are created again, as arrays; all others, the road and the scene are those of the base. Values are rounded as
 ``writing.py`` rounds them, so a run is the same bit for bit. A goal is written and read once.
 
 Edits of the whole scene (``world.TRANSFORMS``) and obstacles that the file describes by regions or intervals need the
@@ -57,7 +57,7 @@ class EditedScenario:
 
 @dataclass
 class EditableScenario:
-    """A base scenario that is edited in memory again and again. The folder holds SUMO's network.
+    """A base scenario that can be edited in memory any number of times. The folder holds SUMO's network.
 
     Use it in a ``with`` block.
     """
@@ -88,7 +88,7 @@ class EditableScenario:
         return self._kept.scene.loaded
 
     def edited(self, edits: tuple[Edit, ...]) -> EditedScenario:
-        """Return the scenario after edits, of which either all or none are applied.
+        """Return the scenario after edits; either all edits are applied or an error is raised.
 
         Raises:
             NeedsFile: the edits can only be applied with files.
@@ -219,15 +219,16 @@ class _Touched:
         self.obstacles[track.obstacle_id] = _obstacle(new, _shape(size), track.kind)
 
     def move(self, track: Track) -> None:
-        """Give a road user its recording, moved in time: the values stay as they are."""
+        """Give a road user its recording, moved in time, with unchanged values."""
         old = self._obstacle(track.obstacle_id)
         self.tracks[track.obstacle_id] = track
         self.obstacles[track.obstacle_id] = _obstacle(track, old.obstacle_shape, track.kind)
 
     def change(self, track: Track, motion: Motion, keeps: int, begin: int) -> None:
-        """Give a road user a new motion after its first ``keeps`` states, from the motion's state with an index on.
+        """Give a road user a new motion after its first ``keeps`` states.
 
-        ``begin``: 0 if the motion has a state for each state of the recording, else the index of its first new state.
+        ``begin``: the index of the motion's first state to use; 0 if the motion has a state for each state of the
+        recording.
         """
         key = track.obstacle_id
         old, known = self._obstacle(key), self.tracks.get(key) or self.base.tracks[key]
@@ -303,13 +304,13 @@ def _plain(track: Track) -> Track:
 
 
 def _rounded(values: Values | Points) -> Any:
-    """Return values as a file states them; Python rounds correctly, NumPy does not always."""
+    """Return values rounded as in a file; Python rounds correctly, NumPy does not always."""
     flat = [round(value, DECIMALS) + 0.0 for value in values.ravel().tolist()]
     return np.array(flat, dtype=np.float64).reshape(values.shape)
 
 
 def _written(motion: Motion) -> dict[str, Any]:
-    """Return positions, headings and speeds of a motion as a file states them."""
+    """Return the positions, headings and speeds of a motion, rounded as in a file."""
     wrapped = np.array([wrap_angle(heading) for heading in motion.headings_rad.tolist()])
     return {
         "positions": _rounded(motion.positions),

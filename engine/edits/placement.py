@@ -172,7 +172,7 @@ def read_trigger(
 
 
 def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: frozenset[int] = frozenset()) -> Place:
-    """Return the place farther along the lane, or behind for a negative distance, via the straightest joints.
+    """Return the place farther along the lane, or behind for a negative distance, following the straightest successors.
 
     ``targets``: if any routes lead to these lanelets, the place is on the shortest of the routes.
 

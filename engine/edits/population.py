@@ -209,7 +209,7 @@ def resolve_class(word: str | None, *, on_foot: bool = False) -> VehicleClass:
 
     Args:
         word: a name of a class in any language of the table, or None.
-        on_foot: whether the edit also takes pedestrians, so that refusals list them.
+        on_foot: whether the edit also accepts pedestrians, so that refusals list them.
 
     Raises:
         InvalidRequest: there is no word.
@@ -527,7 +527,7 @@ def _across(scene: Scene, place: Place) -> Points:
 
 
 def road_across(scene: Scene, lanelet_id: int, point: Points, heading_rad: float) -> tuple[float, float]:
-    """Return where one who crosses the road at a point of a lanelet starts and ends: metres to the left of the point.
+    """Return where a crossing of the road at a point of a lanelet starts and ends: metres to the left of the point.
 
     The first is on the right of the road, and usually negative.
     """

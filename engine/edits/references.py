@@ -186,7 +186,7 @@ def _known(vehicle_id: int, scene: Scene, changes: Changes) -> int:
 
 
 def _gone(scene: Scene, changes: Changes) -> set[int]:
-    """Return the vehicles that edits removed, including added vehicles that were removed again."""
+    """Return the vehicles that edits removed, including those that an earlier edit had added."""
     return {*changes.removed, *(key for added in changes.added_by_edit for key in added if key not in scene.tracks)}
 
 
@@ -300,7 +300,7 @@ def _fitting(what: str, vehicles: Sequence[int], scene: Scene) -> tuple[int, ...
 
 
 def _first(selector: Selector, tracks: dict[int, Track], count: int, rank: Callable[[Track], float]) -> tuple[int, ...]:
-    """Return the first vehicles by rank; the rank of the last must differ from that of the next."""
+    """Return the first vehicles by rank; refuse a tie between the last of them and the next vehicle."""
     order = sorted(tracks, key=lambda key: (rank(tracks[key]), key))
     chosen, bound = order[:count], rank(tracks[order[:count][-1]])
     alike = [key for key in order if abs(rank(tracks[key]) - bound) < _TIE]

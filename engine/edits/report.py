@@ -210,7 +210,7 @@ def _moved_m(track: HandoverTrack, recorded: Track) -> float:
 
 
 def _ego_notes(simulated: SimulatedEdits) -> list[str]:
-    """Return notes about the ego that do not refuse an edit: entries at its position, and its own recording."""
+    """Return notes about the ego that are no reason for a refusal: entries at its position, and its own recording."""
     notes = []
     entering = entering_onto_ego(simulated)
     if entering:

@@ -563,7 +563,8 @@ def _cut_in_motion(
     lateral_s: float,
     who: str,
 ) -> _CutIn:
-    """Find the motion along the other vehicle's path that ends with the gap: the earliest easy one, else the easiest.
+    """Find the motion along the other vehicle's path that ends with the gap: the earliest gentle motion, else the
+    gentlest.
 
     While the vehicle prepares, its acceleration changes linearly in time, so it reaches the right position and speed at
     the end.

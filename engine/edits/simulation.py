@@ -157,7 +157,9 @@ class Simulation:
         return round(HAND_OVER_S / self.scene.step_s)
 
     def _plans_giving_way(self, result: SimulationResult) -> dict[int, DrivePlan]:
-        """Return plans that give way, by vehicle id; vehicles that enter on top of another are left out and refused."""
+        """Return plans that give way, by vehicle id, without vehicles that enter on top of another, which are
+        refused.
+        """
         overlaps = tuple(hit for hit in result.overlaps if not self._is_at_entry(result.plans, hit))
         if not overlaps:
             return {}
@@ -207,7 +209,7 @@ def plans_giving_way(
 ) -> dict[int, DrivePlan]:
     """Return plans in which one vehicle of every overlapping pair has one more halt, if it can still stop.
 
-    A handed-over vehicle waits rather than an edited one; of two handed-over vehicles, the later one waits.
+    A handed-over vehicle waits rather than an edited one; if both were handed over, the later one waits.
 
     Args:
         plans: those of the driven vehicles, with new motions in ``tracks``.

@@ -403,6 +403,6 @@ def _plan_from(
 
 
 def _with_manoeuvre(plan: DrivePlan, manoeuvre: Manoeuvre) -> DrivePlan:
-    """Return the plan with one more manoeuvre, ordered by step; within a step, later ones come last."""
+    """Return the plan with one more manoeuvre; manoeuvres are ordered by step, and then by when they were added."""
     manoeuvres = sorted((*plan.manoeuvres, manoeuvre), key=lambda order: order.from_step)
     return replace(plan, manoeuvres=tuple(manoeuvres))

@@ -110,7 +110,7 @@ def _negate_value(value: _Element) -> None:
 
 
 def _exchange(parent: _Element, first: str, second: str, *, repeated: bool = False) -> None:
-    """Exchange the names and positions of two kinds of children, which keeps the schema's order."""
+    """Swap the names and the positions of two kinds of child elements, so that the schema's order is kept."""
     ones, others = parent.findall(first), parent.findall(second)
     if not repeated and ones and others:
         at, to = parent.index(ones[0]), parent.index(others[0])
@@ -246,7 +246,9 @@ def _shift_light(light: _Element, begin: int) -> None:
 
 
 def _shift_problems(root: _Element, scene: Scene, drive: Callable[[], Track | None], begin: int) -> str:
-    """Count the egos' times from a step and return a note; an ego that starts earlier is put where it would be then."""
+    """Shift the egos' times to start at a step, and return a note; an ego that starts earlier is put where it would be
+    then.
+    """
     words = ""
     for problem in root.iterchildren("planningProblem"):
         initial = problem.find("initialState")
@@ -503,7 +505,7 @@ def _write_cycle(light: _Element, phases: list[tuple[int, str]]) -> None:
 
 @dataclass(frozen=True)
 class _Conditions:
-    """A weather and the friction of roads (None if unchanged), and how the words were interpreted."""
+    """Weather and friction of the roads (None if unchanged), and how the words were interpreted."""
 
     weather: Weather | None
     friction: float | None

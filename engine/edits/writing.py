@@ -155,7 +155,7 @@ def write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
 
 
 def _first_goal(problem: _Element) -> _Element:
-    """Append an empty goal state to a problem without a goal, indented like the other elements, and return it."""
+    """Append an empty goal state, indented like the other elements, to a problem without a goal, and return it."""
     before = problem[-1]
     goal = etree.SubElement(problem, "goalState")
     before.tail, goal.tail = problem.text, before.tail

@@ -37,7 +37,7 @@ class Claims:
                 self._own_claims.discard(digest)  # a claim that cannot be released must not block its own process
 
     def _take(self, digest: str) -> bool:
-        """Claim against other threads of this process, then against other processes; return True if both succeed."""
+        """Take the claim, first among this process's threads, then among processes; return True if both succeed."""
         with self._taking:
             if digest in self._own_claims:
                 return False

@@ -165,7 +165,7 @@ class WorkerProcesses(WorkerPlugin):  # type: ignore[misc]  # distributed is not
 
 
 def carry_out(parcel: Parcel) -> Delivery | Missing | Failure:
-    """Run a worker's task; a failure travels as a value, so that the cluster does not treat it as its own."""
+    """Run a task of a worker; return a failure as a value, so that the cluster does not treat it as its own failure."""
     plugin = get_worker().plugins[WORKERS]
     if not isinstance(plugin, WorkerProcesses):
         raise TypeError(f"the plugin {WORKERS} of this worker is a {type(plugin).__name__}")

@@ -18,7 +18,7 @@ OnProgress = Callable[[float, str], Awaitable[None]]
 
 
 class ProgressReporter(Protocol):
-    """A callback of an operation for the completed share in [0, 1] and a short message; calls may be frequent."""
+    """A callback that receives the completed share in [0, 1] and a short message; calls may be frequent."""
 
     def __call__(self, share: float, message: str = "") -> None:
         """Report the completed share, which never decreases, and the current activity."""

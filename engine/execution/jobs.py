@@ -264,7 +264,7 @@ class JobRunner:
         return self.store.get(job_id)
 
     async def _run_job(self, job_id: str, work: JobWork) -> None:
-        """Run a job where it belongs; if it cannot start there, only this job fails."""
+        """Run a job with ``run_apart``; if it cannot start there, only this job fails."""
         try:
             await self._run_apart(self._carry_out, job_id, work)
         except Exception as raised:  # noqa: BLE001 - the boundary of a job: the exception becomes this job's error
@@ -289,7 +289,7 @@ class JobRunner:
             self._finish(job_id, _JobEnd(state, progress.results, error))
 
     def _finish(self, job_id: str, end: "_JobEnd") -> None:
-        """Record how a job ended, forget it, and notify those that wait for it."""
+        """Record how a job ended, drop it from memory, and notify everyone who waits for it."""
         self._unrecorded[job_id] = end
         self._record_missed_ends()
         self._own.pop(job_id, None)
@@ -324,7 +324,7 @@ class JobRunner:
 
 @dataclass(frozen=True)
 class _Running:
-    """A job that has started: its loop, and the scope that ends it there."""
+    """A job that has started: the event loop that it runs in, and the scope that cancels it."""
 
     loop: asyncio.AbstractEventLoop
     scope: anyio.CancelScope

@@ -143,8 +143,8 @@ class MemoryTrimmer:
 
 
 def _glibc_function(name: str) -> Callable[..., object] | None:
-    """Return a function of glibc, or None with other C libraries such as musl, which have neither these nor
-    the heaps.
+    """Return a function of glibc, or None with another C library, such as musl, which has neither these functions nor
+    heaps per thread.
     """
     if sys.platform != "linux":
         return None

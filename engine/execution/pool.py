@@ -271,7 +271,9 @@ def response_of(operation: Operation[Request, Response], report: Answer | Failur
 
 
 def _order_line(operation: Operation[Request, Response], request: Request) -> bytes:
-    """Return the order as one line; this runs in a thread, since a request may contain a thousand runs' records."""
+    """Return the order as one line; call this in a thread, because a request may contain the records of a thousand
+    runs.
+    """
     return line_of(Order(operation.entry_point, request.model_dump_json()))
 
 

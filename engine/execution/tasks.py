@@ -51,7 +51,7 @@ class Task(Model):
 
     @property
     def is_carried_out(self) -> bool:
-        """True if a server works on it."""
+        """True if a server is working on it."""
         return self.owner_pid != _RELEASED and still_runs(self.owner_pid, self.updated_at)
 
 
@@ -124,7 +124,7 @@ class TaskStore:
         self._set(task_id, "owner_pid = ?", _RELEASED)
 
     def take_over(self, task: Task) -> bool:
-        """Take over a task without a running server; return False if another server was faster."""
+        """Take over a task of a server that is gone; return False if another server was faster."""
         with self._database.writing() as connection:
             taken = connection.execute(
                 "UPDATE tasks SET owner_pid = ?, updated_at = ? WHERE task_id = ? AND owner_pid = ? AND updated_at = ?"

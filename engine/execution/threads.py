@@ -1,8 +1,8 @@
 """Runs calls and jobs in separate threads, so that they never block other answers of the server.
 
 ``CallThreads`` gives a call a thread with an event loop for its whole duration: reading arguments, SQLite, files, and
-shaping the answer. ``run_in`` reaches what belongs to the server's own loop (workers, the client's stream). Ordinary
-async functions thus run outside the server's loop without any code for threads.
+shaping the answer. ``run_in`` calls functions that belong to the server's own loop (workers, the client's stream).
+Ordinary async functions thus run outside the server's loop without any code for threads.
 """
 
 import asyncio
@@ -65,7 +65,7 @@ class CallThreads:
 
 
 class OwnThread:
-    """A thread reserved for one user, who neither waits for other threads nor is affected by their limit."""
+    """A thread reserved for one user; the user neither waits for other threads nor is affected by their limit."""
 
     def __init__(self) -> None:
         self._thread = _start_thread()

@@ -119,7 +119,7 @@ def main() -> None:
 
 
 def log_decisions() -> None:
-    """Write the engine's decisions, but not those of other libraries, to standard error, the workers' log."""
+    """Log the engine's decisions, but not those of other libraries, to standard error, which is the workers' log."""
     logging.basicConfig(format="%(levelname)s %(name)s: %(message)s")
     logging.getLogger("plannerforge").setLevel(logging.DEBUG)
 

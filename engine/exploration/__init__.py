@@ -6,10 +6,10 @@
 ``label_at``: returns the label at a place of a map.
 ``labels_on``: returns the labels of a map on a raster.
 ``Evaluator``: edits a base in memory and runs a planner until the encounter is resolved.
-``open_space``: the operation that runs the planner in the unchanged base, and derives what it offers to a search.
+``open_space``: the operation that runs the planner in the unchanged base, and derives the search space.
 ``propose_points``: the operation that returns the next points of a search.
 ``evaluate_in_space``: the operation that returns how the planner fares at points of a search's space.
-``shrink_failure``: the operation that reduces a failure to what it needs.
+``shrink_failure``: the operation that removes everything that a failure does not need.
 ``FailureSearch``: a search for failures in a stratified space.
 ``Stratum``: a part of such a space.
 ``Point``: a proposal of the search.
@@ -18,7 +18,7 @@
 ``draw_road``: the operation that writes the file of a road.
 ``evaluate_points``: the operation that evaluates a batch of points.
 ``read_logical_scenario``: the operation that returns a logical scenario by name or from a file.
-``ROADS``: the names of the roads that logical scenarios may stand on.
+``ROADS``: the names of the roads that logical scenarios may use.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,6 @@
-"""The archive of a search: what it found, by cells of failures that count as different."""
+"""The archive of a search: the failures that it found, sorted into cells; failures in different cells count as
+different.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -32,11 +34,11 @@ class Archive(Generic[Item]):
         return len(hits) == 1
 
     def is_exhausted(self, cell: str) -> bool:
-        """Return True if the cell has been hit so often that the search leaves it."""
+        """Return True if the cell has been hit so often that the search stops exploring it."""
         return len(self.cells.get(cell, ())) >= self.hits_to_leave
 
     def best(self, cell: str) -> Hit[Item]:
-        """Return the clearest failure of a cell, the earliest of equal ones."""
+        """Return the clearest failure of a cell; if several are equally clear, the earliest."""
         return min(self.cells[cell], key=lambda hit: (hit.value, hit.number))
 
     def elites(self) -> Iterator[tuple[str, Hit[Item]]]:

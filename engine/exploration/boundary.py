@@ -3,9 +3,8 @@
 The search knows nothing of driving: points of a square lattice have labels, and the search asks for the points that it
 needs. It starts with a coarse grid and splits cells whose corners have different labels into four. Once they are small,
 it bisects their sides between points of different labels, since an edge is nearly straight inside a small cell; then it
-splits them again. At last it checks some cells that seem uniform by their centres, because a small island may lie
-between the corners. The sequence depends only on labels and seed, so an interrupted search continues from the labels
-that it has.
+splits them again. Finally, it checks the centres of some cells that seem uniform, because a small island may be between
+the corners. The sequence depends only on labels and seed, so an interrupted search continues from the known labels.
 """
 
 import math
@@ -62,10 +61,11 @@ class Cell:
 
 @dataclass
 class BoundarySearch:
-    """A search for the edges between labels: ask for points, tell their labels, until ``ask`` returns no points.
+    """A search for the edges between labels. Call ``ask`` for points and ``tell`` their labels, until ``ask`` returns
+    no points.
 
-    ``budget``: the most points. ``ranks``: how much an edge matters, by its pair of labels (sorted); lower is refined
-    first, 1 without an entry. ``seed``: chooses which uniform cells are checked.
+    ``budget``: the maximum number of points. ``ranks``: the priority of an edge, by its pair of labels (sorted); edges
+    with lower ranks are refined first, and the default is 1. ``seed``: chooses which uniform cells are checked.
     """
 
     budget: int
@@ -82,7 +82,7 @@ class BoundarySearch:
         self._random = random.Random(self.seed)  # noqa: S311 - a choice of cells, no secret
 
     def ask(self) -> tuple[Place, ...]:
-        """Return the next points without labels; empty if the search has ended."""
+        """Return the next points to label; empty if the search has ended."""
         left = self.budget - len(self.labels)
         missing = self._missing(self._cells)
         if missing or left <= 0:
@@ -108,7 +108,7 @@ class BoundarySearch:
         return tuple(place for place in places if place not in self.labels)
 
     def _halved_cells(self, smallest: int, most: int) -> tuple[Place, ...]:
-        """Split the largest mixed cells above a size; return the points that they need, at most so many."""
+        """Split the largest mixed cells above a size; return at most ``most`` new points that need labels."""
         while True:
             mixed = [cell for cell in self._cells if cell.size > smallest and self._is_mixed(cell)]
             if not mixed:
@@ -126,7 +126,7 @@ class BoundarySearch:
                 return tuple(wanted)
 
     def _bisected(self, smallest: int, most: int) -> tuple[Place, ...]:
-        """Return the middles of the longest stretches of sides between points of different labels."""
+        """Return the midpoints of the longest gaps between differently labelled points on the sides of cells."""
         gaps: dict[Place, tuple[int, int]] = {}
         for cell in self._cells:
             if cell.size > smallest or not self._is_mixed(cell):
@@ -155,7 +155,7 @@ class BoundarySearch:
         return tuple(tuple(place for place in side if place in self.labels) for side in sides)
 
     def _next_check(self, most: int) -> tuple[Place, ...]:
-        """Return the centres of some uniform cells, chosen by their area."""
+        """Return the centres of some randomly chosen uniform cells; larger cells are more likely to be chosen."""
         cells = [cell for cell in self._cells if cell.size > 1 and not self._is_mixed(cell)]
         cells = [cell for cell in cells if cell not in self._checked]
         if most <= 0 or not cells:
@@ -183,12 +183,12 @@ class BoundarySearch:
 
     @property
     def cells(self) -> tuple[Cell, ...]:
-        """The cells so far."""
+        """The current cells."""
         return tuple(self._cells)
 
     @property
     def checks(self) -> tuple[int, int]:
-        """How many uniform cells were checked by their centres, and how many of them were not uniform."""
+        """The number of uniform cells that were checked at their centres, and how many of them were not uniform."""
         return len(self._checked), sum(not uniform for uniform in self._checked.values())
 
 
@@ -196,10 +196,11 @@ class BoundarySearch:
 class Area:
     """The share of the square with a label, and its bounds.
 
-    Inside a mixed cell, the edge is a chord between its crossings of the sides; if the edge is monotonic there, the
-    area differs from the chord's by at most half of the rectangle around the chord. A cell that is crossed otherwise
-    counts whole or not at all. The upper bound also contains what uniform cells of other labels may hide: their area
-    times the upper end of a 95 % Wilson interval of the share of checked cells that were not uniform.
+    Inside a mixed cell, the edge is approximated by a chord between the points at which it crosses the cell's sides. If
+    the edge is monotonic there, the error is at most half of the rectangle around the chord. For a cell that the edge
+    crosses in any other way, the bounds are zero and the whole cell. The upper bound also allows for islands hidden in
+    uniform cells of other labels: the area of these cells times the upper end of a 95 % Wilson interval of the share of
+    checked cells that were not uniform.
     """
 
     share: float
@@ -208,7 +209,7 @@ class Area:
 
 
 def area_of(label: str, search: BoundarySearch) -> Area:
-    """Return the area of a label; cells without any known point may belong to it."""
+    """Return the area of a label; a cell without any labelled point may belong to it."""
     share = low = high = hidden = 0.0
     for cell in search.cells:
         known = {search.labels[place] for place in (*cell.corners, cell.center) if place in search.labels}
@@ -248,7 +249,9 @@ _Spot = tuple[float, float]
 
 
 def _chord(cell: Cell, search: BoundarySearch) -> tuple[_Spot, _Spot] | None:
-    """Return the two places where the edge between two labels crosses the sides of a cell; None if it is otherwise."""
+    """Return the two points where the edge between two labels crosses the sides of a cell; None for any other pattern
+    of labels.
+    """
     around = [place for side in search.known_sides(cell) for place in side[:-1]]
     labels = [search.labels[place] for place in around]
     if len(around) < len(cell.corners) or len(set(labels)) != 2:
@@ -264,7 +267,9 @@ def _chord(cell: Cell, search: BoundarySearch) -> tuple[_Spot, _Spot] | None:
 
 
 def _label_in(cell: Cell, place: _Spot, search: BoundarySearch) -> str | None:
-    """Return the label at a place inside a cell: by the chord if there is one, else of the nearest known point."""
+    """Return the label at a place inside a cell: by the side of the chord or, without a chord, from the nearest
+    labelled point.
+    """
     sides = search.known_sides(cell)
     around = [one for side in sides for one in side]
     center = [cell.center] if cell.size > 1 and cell.center in search.labels else []
@@ -290,7 +295,7 @@ def _upper_share(count: int, of: int) -> float:
 
 
 def label_at(x: float, y: float, search: BoundarySearch) -> str | None:
-    """Return the label of a point with coordinates from 0 to 1; None if nothing is known about its cell."""
+    """Return the label of a point with coordinates from 0 to 1; None if no point of its cell has a label."""
     place = x * SIZE, y * SIZE
     for cell in search.cells:
         if all(low <= at <= low + cell.size for low, at in zip(cell.low, place, strict=True)):
@@ -312,12 +317,12 @@ def counts_of(search: BoundarySearch) -> dict[str, int]:
 def labels_on(
     labels: Mapping[Place, str], cells: Iterable[tuple[int, int, int]], pixels: int
 ) -> list[list[str | None]]:
-    """Return the labels at the centres of pixels × pixels squares, rows upwards, of a map that was searched before.
+    """Return the labels at the centres of pixels × pixels squares of a finished map, rows upwards.
 
     Args:
-        labels: the labels of its points.
+        labels: the labels of the map's points.
         cells: lower corner and size of each of its cells.
-        pixels: squares along each side.
+        pixels: the number of squares along each side.
     """
     search = BoundarySearch(0, labels=dict(labels))
     found: list[list[str | None]] = [[None] * pixels for _ in range(pixels)]

@@ -25,7 +25,7 @@ _OPERATORS: Mapping[type, Callable[[float, float], float]] = {
 
 
 def concrete_edits(logical: LogicalScenario, values: Mapping[str, float]) -> tuple[Edit, ...]:
-    """Return the edits of a logical scenario for values of its parameters; a missing one has its base value.
+    """Return the edits of a logical scenario for values of its parameters; a missing parameter gets its base value.
 
     Raises:
         InvalidRequest: there is no such parameter, or a template does not give a valid edit.
@@ -83,7 +83,7 @@ def _text(value: float | str) -> str:
 
 
 def _value(formula: str, known: Mapping[str, float], logical: LogicalScenario) -> float:
-    """Return the value of a formula of numbers, names, ``+ - * /`` and parentheses."""
+    """Return the value of a formula made of numbers, names, ``+ - * /`` and parentheses."""
     try:
         return _computed(ast.parse(formula, mode="eval").body, known, logical)
     except (SyntaxError, ZeroDivisionError) as error:

@@ -2,7 +2,7 @@
 
 The edits and the run are those of ``modify_scenario`` and ``run_planner``: the driven states are equal bit for bit to
 those of the stored scenario's run, up to the step at which this run is stopped. A run is stopped after the horizon, or
-once all other road users are gone, are behind the ego and not faster, or stand while it stands too.
+once every other road user is gone, is behind the ego and not faster, or stands while the ego stands too.
 """
 
 import math
@@ -61,7 +61,7 @@ _RECORDED = "recorded"
 
 @dataclass(frozen=True)
 class _Point:
-    """An edited scenario: its file if there is one, and which edits prescribe the motion of which road user."""
+    """An edited scenario, its file if there is one, and the edits that prescribe each road user's motion."""
 
     loaded: LoadedScenario
     manoeuvres: Mapping[int, str]
@@ -73,13 +73,13 @@ class Evaluator:
     """Evaluates points of one base and one planner. Use it in a ``with`` block.
 
     Args:
-        setting: what all points share.
-        drives: returns the planner that drives in place of the configuration's own, which it receives; by default the
-            configuration's own drives.
+        setting: the data that all points share.
+        drives: receives the configuration's planner and returns the planner to run instead; by default, the
+            configuration's planner runs.
 
     Raises:
         InvalidRequest: the prediction does not fit the traffic or the world, or the planner does not fit the world.
-        UnknownName: no such planner.
+        UnknownName: there is no such planner.
     """
 
     def __init__(self, setting: EncounterSetting, drives: Callable[[Planner], Planner] | None = None) -> None:
@@ -102,7 +102,7 @@ class Evaluator:
         self._stack.close()
 
     def evaluate(self, edits: Sequence[Edit]) -> Evaluation:
-        """Return how the planner fares after edits of the base; they follow those that the base already has.
+        """Apply edits to the base, after those that it already has, and return how the planner fares in the result.
 
         Raises:
             PlannerFailure: a user-supplied planner broke its contract.
@@ -111,7 +111,7 @@ class Evaluator:
         return self.driven(edits)[0]
 
     def driven(self, edits: Sequence[Edit]) -> tuple[Evaluation, DrivenRun | None]:
-        """Return how the planner fares, as ``evaluate`` does, with the run; None if there was no run.
+        """Return the same evaluation as ``evaluate``, together with the run; None if there was no run.
 
         Raises:
             PlannerFailure: a user-supplied planner broke its contract.
@@ -150,7 +150,7 @@ class Evaluator:
         return self._written(edits)
 
     def _written(self, edits: tuple[Edit, ...]) -> _Point:
-        """Apply edits with files, for edits and planners that need them."""
+        """Apply edits by writing files, for edits and planners that need them."""
         setting = self._setting
         if not edits:
             return _Point(self._base.loaded, {}, (), setting.xml)
@@ -197,7 +197,7 @@ class Evaluator:
 
 
 def _manoeuvres(done: Iterable[tuple[EditOperation, Sequence[int]]]) -> dict[int, str]:
-    """Return the operations that prescribe the motion of each road user, as text; those after adding it count more."""
+    """Return the operations that prescribe each road user's motion, as text; omit its addition if others follow."""
     found: dict[int, list[str]] = {}
     for op, vehicles in done:
         for key in vehicles:
@@ -243,7 +243,7 @@ def _length_m(run: DrivenRun) -> float:
 
 
 def _is_apart(track: Track, ego: EgoState, length_m: float) -> bool:
-    """Return True if a road user is gone, is behind the ego and never faster, or stands like the ego."""
+    """Return True if a road user is gone, is behind the ego and never faster, or stands while the ego stands."""
     at = track.index_at(ego.step)
     if at is None:
         return True
@@ -296,7 +296,7 @@ class _Judged:
         return self.point.loaded.step_s
 
     def _nearest(self) -> Evaluation:
-        """Return the least gap and time to collision of a run without a failure."""
+        """Return the smallest gap and time to collision of a run without a failure."""
         ego, traffic = driven_ego(self.run.states, self.vehicle), self.run.traffic
         others = (*traffic.moving, *traffic.standing)
         met = encounters(ego, traffic.moving, traffic.standing)
@@ -319,7 +319,7 @@ class _Judged:
         )
 
     def _after_failure(self, found: Evaluation) -> Evaluation:
-        """Return a run that left the road or had no trajectory: avoidable if a reference driver hits nothing."""
+        """Evaluate a run that left the road or had no trajectory: avoidable if a reference driver hits nothing."""
         ego, loaded = driven_ego(self.run.states, self.vehicle), self.point.loaded
         others = (*self.run.traffic.moving, *static_tracks(loaded.scenario, ego.last_step).values())
         lane = lane_line(loaded.scenario, self.problem, self.vehicle)
@@ -333,7 +333,7 @@ class _Judged:
         )
 
     def _after_contact(self, found: Evaluation) -> Evaluation:
-        """Return a collision with its contact and the verdicts of the reference drivers."""
+        """Evaluate a collision: its contact, and the verdicts of the reference drivers."""
         contact = self._contact()
         if contact is None:
             return found.model_copy(update={"outcome": "failed_unavoidably"})
@@ -358,7 +358,7 @@ class _Judged:
         )
 
     def _contact(self) -> Contact | None:
-        """Return how the collision came about, from the same data as the review of a stored run."""
+        """Explain the collision, from the same data as the review of a stored run."""
         loaded, setting, steps = self.point.loaded, self.setting, run_steps(self.run)
         record = self._record()
         last = steps.first_step + len(steps.x_m)
@@ -367,7 +367,7 @@ class _Judged:
         return contact_in(record, steps, tracks, predict, lane_line(loaded.scenario, self.problem, self.vehicle))
 
     def _record(self) -> RunRecord:
-        """Return the record of the run, as far as the review of a collision needs it."""
+        """Return a record of the run with the fields that the review of a collision needs."""
         setting, verdict = self.setting, self.run.final
         return RunRecord(
             run_id="",
@@ -413,7 +413,8 @@ def _preventing(contact: Contact) -> tuple[AvoidingDriver, ...]:
 def _is_avoidable(contact: Contact) -> bool:
     """Return True if UN R157's careful or fuzzy driver prevents a collision.
 
-    If the ego cut in, drivers on the path that it drove come too late, so only those that keep its lane count.
+    If the ego cut in, a driver that takes over on the ego's own path has no time left to react. Only drivers that keep
+    the ego's original lane are therefore considered.
     """
     if contact.prevention is None or (contact.kind in _INTO_EGO and contact.ego_side == "rear"):
         return False

@@ -1,8 +1,8 @@
 """The operations of a search for failures: derive a space, propose points, evaluate them, reduce a failure.
 
-A search asks first for an attributable failure, one that a careful or fuzzy driver avoids, and otherwise for the least
-margin to the counterpart: the mean of the gap and the time to collision, each as a share of a value that counts as
-safe.
+A search looks first for an attributable failure, that is, a failure that a careful or fuzzy driver avoids. Without one,
+it looks for the smallest margin to the counterpart: the mean of the gap and the time to collision, each divided by a
+value that counts as safe.
 """
 
 import math
@@ -52,7 +52,7 @@ _AFTER_S = 0.5
 
 
 def open_space(request: SpaceRequest, report: ProgressReporter) -> SearchSpace:
-    """Run the planner in the unchanged base, and derive what the base offers to a search.
+    """Run the planner in the unchanged base, and derive the search space from this run.
 
     If the planner fails in the base, there are no strata.
     """
@@ -89,7 +89,7 @@ def _nominal(run: DrivenRun, step_s: float) -> NominalMotion:
 
 
 def propose_points(request: ProposalsRequest, report: ProgressReporter) -> ProposedPoints:
-    """Return the points that follow the told scores, which are those of whole batches."""
+    """Return the next points of a search after the given scores, which are those of whole batches."""
     report(0.0, "choosing the next points")
     strata = [Stratum(name, dimensions) for name, dimensions in request.strata]
     scores = [Score(score.value, score.cell) for score in request.scores]
@@ -111,7 +111,7 @@ def evaluate_in_space(request: SpacePointsRequest, report: ProgressReporter) -> 
 def evaluated(
     evaluator: Evaluator, stratum: LogicalScenario, point: SpacePoint, recorded: Sequence[int]
 ) -> EvaluatedPoint:
-    """Return how the planner fares at a point of a stratum, and the point's score."""
+    """Evaluate the planner at a point of a stratum, and return the result with the point's score."""
     try:
         edits = concrete_edits(stratum, values_at(stratum, point.shares))
     except InvalidRequest as refusal:
@@ -139,7 +139,7 @@ def scored(
 
 
 def _margin(run: DrivenRun, moving: Sequence[Track], standing: Sequence[Track]) -> float:
-    """Return the least margin between the ego and some road users, from 0 (contact) to 1 (nothing comes near)."""
+    """Return the smallest margin between the ego and some road users: 0 at contact, 1 if none of them comes near."""
     if run.task is None:
         return 1.0
     met = encounters(driven_ego(run.states, run.task.vehicle), moving, standing)
@@ -151,12 +151,12 @@ def _margin(run: DrivenRun, moving: Sequence[Track], standing: Sequence[Track]) 
 
 
 def _is_own(stratum: LogicalScenario, obstacle_id: int, recorded: Sequence[int]) -> bool:
-    """Return True if a road user is the counterpart of a stratum: added, or one that its edits name."""
+    """Return True if a road user is the counterpart of a stratum: an added one, or one that its edits refer to."""
     return obstacle_id not in recorded or obstacle_id in named_vehicles_of(stratum)
 
 
 def named_vehicles_of(stratum: LogicalScenario) -> frozenset[int]:
-    """Return the recorded road users that a stratum's edits name."""
+    """Return the recorded road users that a stratum's edits refer to."""
     words = [word for edit in stratum.edits for word in edit.get("vehicles", ())]
     return frozenset(int(word) for word in words if str(word).isdigit())
 
@@ -182,7 +182,8 @@ def speed_band(speed_mps: float | None) -> str:
 
 
 def shrink_failure(request: ShrinkRequest, report: ProgressReporter) -> Shrunk:
-    """Reduce a failure to what it needs: road users, parameters, then the time span, as long as the same one remains.
+    """Simplify a failure as long as it stays the same: fewer road users, values nearer to the base, a shorter time
+    span.
 
     Raises:
         InvalidRequest: there is no failure at the point.
@@ -192,7 +193,7 @@ def shrink_failure(request: ShrinkRequest, report: ProgressReporter) -> Shrunk:
 
 
 def shrunk(evaluator: Evaluator, request: ShrinkRequest, report: ProgressReporter) -> Shrunk:
-    """Do the same with an evaluator that is open."""
+    """Do the same as ``shrink_failure``, with an evaluator that is already open."""
     stratum = request.stratum
     values = tuple(round(one, 4) for one in values_at(stratum, request.point.shares).values())
     first = evaluator.evaluate(_edits(stratum, values))
@@ -251,7 +252,7 @@ def _edits(stratum: LogicalScenario, values: Sequence[float]) -> tuple[Edit, ...
 def _reduced(
     stratum: LogicalScenario, recorded: Sequence[int], needed: set[int], candidate: _Candidate
 ) -> tuple[Edit, ...]:
-    """Return the edits with only some of the road users, other values, and perhaps an earlier end."""
+    """Return the edits for only some of the road users, with different values and possibly an earlier end."""
     kept, values, duration = candidate
     removed = [str(key) for key in recorded if key not in kept and key not in needed]
     edits = [*_edits(stratum, values)]

@@ -1,4 +1,4 @@
-"""Logical scenarios by name: those of the catalogue, and files of one's own in the same form."""
+"""Logical scenarios by name: those of the catalogue, and a user's own files in the same form."""
 
 from collections.abc import Mapping
 from functools import cache

@@ -1,8 +1,9 @@
 """Roads for logical scenarios: CommonRoad files with a road and an ego, but without other road users.
 
-The roads are drawn from numbers here, so that a file has the same bytes wherever it is written. Widths are those of
-German guidelines: 3.5 m for lanes of rural roads and of the main carriageways of motorways with reduced cross-section
-(RAL 2012, RQ 11; RAA 2008, RQ 28), which also fits towns. x leads east, y north; lengths are in m.
+The roads are computed from constants in this module, so that a file has the same bytes on every machine. The lanes are
+as wide as German guidelines require: 3.5 m on rural roads and on the main carriageways of motorways with reduced
+cross-section (RAL 2012, RQ 11; RAA 2008, RQ 28), which also fits towns. The x axis points east and the y axis north.
+Lengths are in m.
 """
 
 import math
@@ -23,7 +24,7 @@ _Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class _Lane:
-    """A lanelet along a centre line. ``left`` and ``right``: the neighbour's id and whether it leads the same way."""
+    """A lanelet along a centre line. ``left`` and ``right``: the neighbour's id, and whether it leads the same way."""
 
     key: int
     center: tuple[_Point, ...]

@@ -1,9 +1,9 @@
 """A search for failures in a stratified space; it knows nothing of roads, so it can search a space of any kind.
 
 The space is divided into *strata*, each with parameters of its own in [0, 1]. The search proposes points in batches
-(``ask``) and learns their scores (``tell``). It depends only on its strata, its seed and the scores, in the order of
-the proposals. An interrupted search therefore continues by telling the stored scores again (``resumed``), and several
-workers may evaluate a batch.
+(``ask``) and learns their scores (``tell``). Its proposals depend only on its strata, its seed and the scores, which it
+receives in the order of the proposals. An interrupted search therefore continues by telling the stored scores again
+(``resumed``), and several workers may evaluate a batch.
 
 There are three ways to propose a point:
 
@@ -14,10 +14,11 @@ There are three ways to propose a point:
 The last two consult a model of the stratum, a Gaussian process (Rasmussen and Williams, 2006, chapter 2) with a Matérn
 5/2 kernel. ``descend`` takes the candidate with the lowest confidence bound (Srinivas and others, ICML 2010), and
 ``spread`` the one with the largest product of its probability to fail and its distance from known failures. Both leave
-a cell after enough hits (``HITS_TO_LEAVE``). Strata have few parameters and a search few evaluations, which is why a
-model beats an evolution strategy here: ``python -m benchmarks.failures.landscapes`` measures it.
+a cell after enough hits (``HITS_TO_LEAVE``). A stratum has few parameters and a search has few evaluations, so a model
+is better here than an evolution strategy: ``python -m benchmarks.failures.landscapes`` measures it.
 
-After the start in every stratum, a way is drawn with a probability that grows with the cells that it found lately.
+After the start in every stratum, one of the three ways is drawn; its probability grows with the number of cells that it
+found recently.
 """
 
 import math
@@ -73,7 +74,7 @@ _DECIMALS: Final = 6
 
 @dataclass(frozen=True)
 class Stratum:
-    """A part of the space; ``dimensions``: how many parameters it has."""
+    """A part of the space; ``dimensions`` is the number of its parameters."""
 
     name: str
     dimensions: int
@@ -90,10 +91,9 @@ class Point:
 
 @dataclass(frozen=True)
 class Score:
-    """The score of a point: the lower, the nearer to a failure.
-
-    ``value``: 0 at the edge of failing, 1 where nothing comes near; None if the point is implausible, which costs no
-    run. ``cell``: the cell of the failure that was sought; None for every other result.
+    """The score of a point; lower scores are nearer to a failure. ``value``: 0 at the edge of failing, 1 if nothing
+    comes near; None if the point is implausible, which costs no run. ``cell``: the cell of the failure, if it is a
+    failure of the kind that the search looks for; otherwise None.
     """
 
     value: float | None
@@ -102,7 +102,7 @@ class Score:
 
 @dataclass
 class _Known:
-    """What the search knows of a stratum: its plausible points, the implausible ones, and its Sobol sequence."""
+    """The search's knowledge of a stratum: its plausible points, its implausible points, and its Sobol sequence."""
 
     stratum: Stratum
     sequence: qmc.Sobol
@@ -114,7 +114,7 @@ class _Known:
 
     @property
     def weight(self) -> float:
-        """How far the stratum has been examined, in points."""
+        """The number of points that count as examined in the stratum."""
         return len(self.points) + len(self.pending) + _IMPLAUSIBLE_SHARE * len(self.implausible)
 
     @property
@@ -148,7 +148,7 @@ class FailureSearch:
         self._asked: list[tuple[Point, float]] = []
 
     def ask(self) -> list[Point]:
-        """Return the next batch; its scores must be told before the next one is asked."""
+        """Return the next batch; tell its scores before you ask for another batch."""
         if self._asked:
             raise RuntimeError("the scores of the last batch have not been told")
         for _ in range(self._batch):
@@ -158,7 +158,7 @@ class FailureSearch:
         return [point for point, _ in self._asked]
 
     def tell(self, scores: Sequence[Score]) -> None:
-        """Take the scores of the last batch, in the order of its points."""
+        """Receive the scores of the last batch, in the order of its points."""
         if len(scores) != len(self._asked):
             raise RuntimeError(f"{len(self._asked)} scores are expected, not {len(scores)}")
         asked, self._asked = self._asked, []
@@ -168,7 +168,7 @@ class FailureSearch:
             self._learn(point, parent, score)
 
     def resumed(self, scores: Sequence[Score]) -> "FailureSearch":
-        """Tell the stored scores of whole batches again, and return the search itself."""
+        """Receive the stored scores of whole batches again, and return the search itself."""
         for begin in range(0, len(scores) - self._batch + 1, self._batch):
             self.ask()
             self.tell(scores[begin : begin + self._batch])
@@ -193,7 +193,7 @@ class FailureSearch:
         self._success[point.way] = max(kept, _OTHERWISE)
 
     def _proposal(self) -> tuple[Point, float]:
-        """Return a point, and the score from which it sets off."""
+        """Return a point, and the score of the point from which it was derived."""
         least = min(self._known.values(), key=lambda known: known.weight)
         way = self._way() if least.weight >= _STARTS else "start"
         if way == "descend":
@@ -227,7 +227,7 @@ class FailureSearch:
         return _point(known.stratum, candidates[int(np.argmin(bound))], "descend"), _value(known.scores[best])
 
     def _variation(self) -> Point:
-        """Return a point next to a failure of the cell that has been varied least, away from known failures."""
+        """Return a point next to a failure in the least varied cell, and away from known failures."""
         from scipy.special import ndtr
 
         cell = min(self.archive.cells, key=lambda name: self._varied.get(name, 0))
@@ -251,8 +251,8 @@ class FailureSearch:
     def _model(self, known: _Known, candidates: Values, left: float = _LEFT) -> tuple[Values, Values, float]:
         """Return mean and standard deviation of the scores at candidates (n, d), and the spread of the known scores.
 
-        ``left``: the value of failures in cells that the search has left. Points that are being evaluated count as
-        ordinary ones.
+        ``left``: the value of failures in cells that the search no longer explores. Points that are still being
+        evaluated count as having an ordinary score.
         """
         points = np.array(known.points)
         values = np.array([self._modelled(score, left) for score in known.scores])

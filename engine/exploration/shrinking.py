@@ -1,4 +1,5 @@
-"""Reduces a failure to what it needs; what is reduced, and whether the failure remains, is the caller's to say.
+"""Reduces a failure to the items and values that it needs. The caller decides what these are, and whether the failure
+remains.
 
 ``minimal_subset`` is the delta debugging of Zeller and Hildebrandt ("Simplifying and Isolating Failure-Inducing Input",
 2002). Its result is 1-minimal: without any single one of the remaining items, the failure disappears.
@@ -13,12 +14,14 @@ Candidate = TypeVar("Candidate", bound=Hashable)
 
 
 class OutOfRuns(Exception):
-    """The runs that a reduction may use are used up."""
+    """Raised if a reduction has used all of its runs."""
 
 
 @dataclass
 class Trials(Generic[Candidate]):
-    """Whether the same failure remains for a candidate: each candidate is run once, and at most ``most`` are run."""
+    """Tests whether the same failure remains for a candidate; runs each candidate once, and at most ``most``
+    candidates.
+    """
 
     remains: Callable[[Candidate], bool]
     most: int
@@ -33,7 +36,7 @@ class Trials(Generic[Candidate]):
         """Return True if the failure remains.
 
         Raises:
-            OutOfRuns: the candidate would need a run too many.
+            OutOfRuns: no run is left for the candidate.
         """
         if candidate not in self.known:
             if len(self.known) >= self.most:
@@ -44,7 +47,9 @@ class Trials(Generic[Candidate]):
 
 @dataclass(frozen=True)
 class Subset(Generic[Item]):
-    """The remaining items in their order; ``is_minimal``: no single one can be left out (False: no runs were left)."""
+    """The remaining items in their order; ``is_minimal``: no item can be left out (False if the runs were used up
+    first).
+    """
 
     items: tuple[Item, ...]
     is_minimal: bool = True
@@ -54,8 +59,8 @@ def minimal_subset(items: Sequence[Item], remains: Callable[[tuple[Item, ...]], 
     """Return a 1-minimal subset with which the failure remains.
 
     Args:
-        items: all items, with which the failure is there.
-        remains: returns True if the failure remains with some of the items only. It may raise ``OutOfRuns``; the
+        items: all items; with them, the failure occurs.
+        remains: returns True if the failure remains with only some of the items. It may raise ``OutOfRuns``; the
             smallest subset so far is returned then.
     """
     kept, parts = tuple(items), 1
@@ -81,7 +86,7 @@ def minimal_subset(items: Sequence[Item], remains: Callable[[tuple[Item, ...]], 
 def _smaller(
     kept: tuple[Item, ...], pieces: Sequence[tuple[Item, ...]], remains: Callable[[tuple[Item, ...]], bool]
 ) -> tuple[Item, ...] | None:
-    """Return the first complement of a piece with which the failure remains, or None."""
+    """Return the items without the first piece that the failure does not need, or None if it needs every piece."""
     for piece in pieces:
         rest = tuple(item for item in kept if item not in piece)
         if rest != kept and rest and remains(rest):
@@ -91,7 +96,7 @@ def _smaller(
 
 @dataclass(frozen=True)
 class NearValues:
-    """Values as near to their base as the failure allows, and the indices of those that stay away from it."""
+    """Values as near to their base as the failure allows, and the indices of those that differ from the base."""
 
     values: tuple[float, ...]
     changed: tuple[int, ...]
@@ -104,14 +109,14 @@ def nearest_values(
     halvings: int = 1,
     decimals: int = 6,
 ) -> NearValues:
-    """Return values moved towards their base, one after the other, as far as the failure remains.
+    """Return values that are moved towards their base, one after the other, as far as the failure remains.
 
     Args:
-        values: the values of the failure.
-        base: the values that count as unchanged, of the same length.
+        values: the values with which the failure occurs.
+        base: the values that count as unchanged, in the same order.
         remains: returns True if the failure remains with other values. It may raise ``OutOfRuns``.
-        halvings: how often the distance of a value that cannot return to its base is halved.
-        decimals: to how many decimals halved values are rounded.
+        halvings: the number of times that the distance from the base is halved, for a value that cannot return to it.
+        decimals: the number of decimals that halved values are rounded to.
     """
     near = list(values)
     try:
@@ -134,7 +139,9 @@ def _with(values: Sequence[float], index: int, value: float) -> tuple[float, ...
 
 
 def smallest(options: Sequence[Item], remains: Callable[[Item], bool]) -> Item | None:
-    """Return the last of the options, from large to small, up to which the failure remains; None if it never does."""
+    """Return the smallest option with which the failure remains; None if there is no such option. Options are tried
+    from large to small.
+    """
     found: Item | None = None
     try:
         for option in options:

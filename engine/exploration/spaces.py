@@ -1,13 +1,12 @@
-"""Spaces that a scenario offers to a search: who can come near the ego, and what they could plausibly do.
+"""Search spaces of a scenario: the road users that can come near the ego, and what they could plausibly do.
 
 Each stratum is a logical scenario with one counterpart and one manoeuvre. A recorded road user brakes, changes its
-speed, comes earlier or later, changes into the ego's lane, swerves or comes over. An added one is a pedestrian or
-cyclist who crosses, a cyclist or standing car ahead, a car ahead that brakes, a car that cuts in, comes over, crosses
-or merges. Its motion is timed by the planner's own drive through the unchanged base (the nominal motion), because an
-actor that is timed by the ego's initial speed misses an ego that slows down.
-
-Ranges keep to what road users do (constants below), and an added road user is there when the ego starts, at least
-``LEAST_TTC_S`` from a contact. A stratum stays if at least one of a few points of it can be applied to the base.
+speed, arrives earlier or later, changes into the ego's lane, swerves or drifts into the oncoming lane. An added road
+user is a pedestrian or cyclist who crosses, a cyclist or standing car ahead, a car ahead that brakes, or a car that
+cuts in, drifts into the ego's lane, crosses or merges. Its motion is timed by the planner's own drive through the
+unchanged base (the nominal motion), because an actor timed by the ego's initial speed misses an ego that slows down.
+Ranges are limited to what road users do (constants below). An added road user is present when the ego starts, at least
+``LEAST_TTC_S`` before a contact. A stratum is kept if at least one of a few sampled points can be applied to the base.
 """
 
 import math
@@ -105,7 +104,7 @@ class NominalMotion:
 
 
 def _onward(position: Points, heading_rad: float, lane: Points | None) -> Points:
-    """Return the line from a place along a lane, or straight on."""
+    """Return the line from a position along a lane, or straight ahead without a lane."""
     straight = np.array([position, position + 200.0 * np.array([math.cos(heading_rad), math.sin(heading_rad)])])
     if lane is None:
         return straight
@@ -116,7 +115,7 @@ def _onward(position: Points, heading_rad: float, lane: Points | None) -> Points
 
 @dataclass(frozen=True)
 class _Way:
-    """Places along the nominal motion: distances since the start, lanelets, and what is added to get their stations."""
+    """Positions along the nominal motion: distances since the start, lanelets, and stations on these lanelets."""
 
     along: Values
     points: Points
@@ -162,7 +161,7 @@ class _Way:
 class SpaceBuilder:
     """Builds the strata of a scenario.
 
-    ``base``: its id; ``nominal``: the planner's motion up to the horizon.
+    ``base``: the scenario's id; ``nominal``: the planner's motion up to the horizon.
     """
 
     scene: Scene
@@ -171,7 +170,7 @@ class SpaceBuilder:
     horizon_s: float
 
     def strata(self) -> tuple[LogicalScenario, ...]:
-        """Return all strata, whether or not a point of them can be applied."""
+        """Return all strata, including those with no point that can be applied."""
         return (*self._recorded(), *self._added())
 
     @cached_property
@@ -180,7 +179,7 @@ class SpaceBuilder:
 
     @cached_property
     def _begins_s(self) -> float:
-        """The ego's start in the scenario's time."""
+        """The time of the ego's start, in the scenario's time."""
         return round(self.nominal.first_step * self.nominal.step_s, 6)
 
     @property
@@ -189,12 +188,14 @@ class SpaceBuilder:
 
     @cached_property
     def _distances(self) -> Values:
-        """The nominal distance driven at every step."""
+        """The distance driven in the nominal motion, at every step."""
         steps = np.linalg.norm(np.diff(self.nominal.positions, axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(steps)])
 
     def _driven(self, of: str) -> Curve:
-        """Return the nominal distance driven at a time ``of`` since the start."""
+        """Return the distance driven in the nominal motion, as a curve over the variable ``of``: the time since the
+        start.
+        """
         every = max(round(_SAMPLED_S / self.nominal.step_s), 1)
         times = np.arange(0, len(self._distances), every) * self.nominal.step_s
         values = self._distances[::every]
@@ -223,7 +224,7 @@ class SpaceBuilder:
 
     @property
     def _begin(self) -> Parameter:
-        """When something begins, early enough to matter before the horizon."""
+        """The parameter for the start of a manoeuvre, early enough to matter before the horizon."""
         return _range("begin_s", 0.3, max(self.horizon_s - 2.5, 1.0), "s", summary="when it begins")
 
     @property
@@ -367,7 +368,7 @@ class SpaceBuilder:
         yield from self._conflicts()
 
     def _crosses(self, side: str) -> Iterator[LogicalScenario]:
-        """Yield the pedestrian and the cyclist who cross from a side; they stand at the kerb from the ego's start."""
+        """Yield a pedestrian and a cyclist who cross from one side; they stand at the kerb from the ego's start on."""
         way = self._way
         rooms = []
         for point, heading, lanelet in zip(way.points, way.headings_rad, way.lanelets, strict=True):
@@ -412,13 +413,13 @@ class SpaceBuilder:
             )
 
     def _waits(self, crosses_s: float) -> Parameter:
-        """How long one who crosses stands at the kerb, so that it meets the ego before the horizon."""
+        """Return the parameter for the wait at the kerb, short enough to meet the ego before the horizon."""
         longest_s = max(self.horizon_s - crosses_s - _KERB_S, 2 * _KERB_S)
         return _range("waits_s", _KERB_S, longest_s, "s", summary="how long it stands at the kerb")
 
     @cached_property
     def _room_m(self) -> float:
-        """The distance between the ego's centre and the nearest road user ahead in its lane, at the start."""
+        """The initial distance between the ego's centre and the nearest road user ahead in its lane."""
         first, ahead = self.nominal.first_step, [math.inf]
         for track in (*self.scene.tracks.values(), *self.scene.standing.values()):
             if track.index_at(first) is not None:
@@ -481,7 +482,7 @@ class SpaceBuilder:
             )
 
     def _cuts_in(self, side: str) -> LogicalScenario:
-        """Return a car from the next lane; the gap counts at the start of its lane change, from the nominal ego."""
+        """Return a car that cuts in from the next lane, with a gap to the nominal ego at the start of the change."""
         back = "right" if side == "left" else "left"
         speed = self._speed_mps
         return self._made(
@@ -586,7 +587,9 @@ class SpaceBuilder:
             )
 
     def _crossings(self, own: set[int]) -> Iterator[tuple[float, str, int, float]]:
-        """Yield the distance along the ego's way, the word, the lanelet and the station of each crossing lane."""
+        """Yield, for each lane that crosses the ego's way: the distance along the way, ``crosses``, the lanelet, the
+        station.
+        """
         import shapely
 
         if len(self._way.points) < 2:
@@ -606,7 +609,7 @@ class SpaceBuilder:
                 yield on_way, "crosses", key, station
 
     def _merges(self, own: set[int]) -> Iterator[tuple[float, str, int, float]]:
-        """Yield the same for lanes that lead into a lanelet of the ego's way."""
+        """Yield the same as ``_crossings`` for lanes that merge into a lanelet of the ego's way."""
         table = self.scene.layout.table
         way = self._way
         for index, key in enumerate(way.lanelets):
@@ -617,7 +620,9 @@ class SpaceBuilder:
                     yield float(way.along[index]), "merges", before, table.lanes[before].length_m
 
     def _upstream(self, lanelet: int, station: float) -> tuple[tuple[float, ...], tuple[str, ...], tuple[float, ...]]:
-        """Return, from a place backwards: at which distances lanelets begin, the lanelets, and their stations there."""
+        """Return the lanelets that lead to a place: how far before it each begins, the lanelets, and the origins of
+        their stations.
+        """
         table, back, origin = self.scene.layout.table, 0.0, station
         at, lanelets, origins, key = [0.0], [str(lanelet)], [round(station, 2)], lanelet
         while back < 150.0:
@@ -637,14 +642,14 @@ def _range(name: str, low: float, high: float, unit: str, *, base: float | None 
 
 
 def values_at(stratum: LogicalScenario, shares: Sequence[float]) -> dict[str, float]:
-    """Return the values of a stratum's parameters at shares of their ranges."""
+    """Return the values of a stratum's parameters at given fractions of their ranges."""
     return {
         parameter.name: parameter.at_share(share) for parameter, share in zip(stratum.parameters, shares, strict=True)
     }
 
 
 def is_feasible(stratum: LogicalScenario, evaluator: Evaluator) -> bool:
-    """Return True if at least one of a few points of a stratum can be applied to the evaluator's base."""
+    """Return True if at least one of a few sampled points of a stratum can be applied to the evaluator's base."""
     for first, others in _TRIES:
         shares = [first, *([others] * (len(stratum.parameters) - 1))]
         with suppress(InvalidRequest):

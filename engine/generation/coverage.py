@@ -141,7 +141,7 @@ class _Space:
         return any(all(chosen.get(one) == level for one, level in key.items()) for key in keys)
 
     def array(self, strength: int, *, salt: str, without: Iterable[Combination] = ()) -> list[tuple[int, ...]]:
-        """Return a covering array without barred combinations; it need not contain those in ``without``."""
+        """Return a covering array without barred combinations; combinations in ``without`` may be missing."""
         from covertable.main import Controller
 
         factors = {str(factor): list(range(size)) for factor, size in enumerate(self.sizes)}

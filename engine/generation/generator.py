@@ -105,7 +105,7 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
 
 @contextmanager
 def _no_collection() -> Iterator[None]:
-    """Suspend garbage collection, which would scan all states of the traffic again and again."""
+    """Suspend garbage collection, which would scan all states of the traffic over and over."""
     was_on = gc.isenabled()
     gc.disable()
     try:
@@ -182,8 +182,8 @@ class _Attempts:
         """Try the first usable site twice and each other site once; a single site gets all tries.
 
         If tries are left and no road user makes the requested manoeuvre, the first site gets these too. A lost site
-        uses no try: the next site replaces it. A limit on sites in the request applies only while no site has given a
-        scenario.
+        uses no try: the next site replaces it. If the request limits the number of sites, the limit applies only until
+        a site has given a scenario.
         """
         fit = self._fit
         few = self._request.most_sites
@@ -243,7 +243,7 @@ class _Attempts:
                     return
 
     def best(self, osm: OsmMap) -> _Attempt:
-        """Return the usable attempt with the fewest faults, if possible not astray; of equals, the first.
+        """Return the usable attempt with the fewest faults, if possible not astray; the first attempt wins a tie.
 
         Raises:
             NotPossible: no attempt is usable. The stated cause is a ramp that does not lead where it must, otherwise
@@ -276,7 +276,7 @@ class _Attempts:
     def notes_besides(self, best: _Attempt) -> list[str]:
         """Return notes on the skipped sites and on why the other attempts were dropped, each reason once.
 
-        A reason that the best attempt has, too, is already among its notes.
+        Reasons that also apply to the best attempt are left out, because its own notes state them.
         """
         others = [attempt for attempt in self.made if attempt is not best and not attempt.lacks]
         faults = [fault for attempt in others for fault in attempt.faults]
@@ -291,9 +291,8 @@ class _Attempts:
         return f"{counted(len(self.lost), 'site')} lost when the road network is built: {'; '.join([*named, *more])}"
 
     def _is_done(self, site: SiteNetwork, folder: Path, rounds: Iterable[int]) -> bool:
-        """Make traffic at a site until a scenario has no fault or the rounds are used up; return True if one has none.
-
-        A full site gets one round: other traffic does not find more room there.
+        """Generate traffic at a site until a scenario has no fault or the rounds are used up; return True if one has no
+        fault. A full site gets one round: different traffic would not find more room there.
         """
         for number in rounds:
             refused = len(self.refusals)

@@ -128,7 +128,7 @@ class EgoChoice:
         self._met: dict[str, tuple[tuple[Manoeuvre, ...], tuple[str, ...]]] = {}
 
     def happens(self, wanted: RequestedManoeuvre, task: PlanningTask) -> bool:
-        """Return whether the manoeuvre happens on a task's ego's way; False if the ego is not among those examined."""
+        """Return whether the ego of a task meets the manoeuvre; False if this ego is not among those examined."""
         key = task.ego.vehicle_id
         if key not in self._met:
             if self._pairs >= MOST_PAIRS:

@@ -83,7 +83,7 @@ def footways_of(net_path: Path, net: SumoNet, pavements: Pavements | None) -> Fo
 
 
 def nowhere_to_walk() -> NotPossible:
-    """Return the refusal for a site without footways."""
+    """Return the refusal of a site without footways."""
     return NotPossible(
         "pedestrians cannot walk at this site: its roads lack pavements and are motorways, fast or closed to them",
         next_step="leave pedestrian out of vehicles, or choose scenario_type urban or intersection, or another place",

@@ -210,7 +210,7 @@ class PlanRows:
         return int(row["lap"])
 
     def refused_in_a_row(self) -> int:
-        """Count the rows refused or failed since the last success, among those planned after everything was covered."""
+        """Count the rows refused or failed since the last success, of those planned after full coverage."""
         (row,) = self._rows(
             "count(*) AS n",
             "lap > 0 AND state IN ('refused', 'failed') AND number > coalesce((SELECT max(number) FROM plan_rows"

@@ -83,7 +83,7 @@ class PlanningTask:
     - ``takes_most``: a goal that should be beyond the site takes at least half of the duration.
     - ``followable``: for such goals, a planner at a steady speed can follow the lanes, and the car's body has room on
       them.
-    - ``stands_in``: the ego is not the car requested by number, because that car has no such goal.
+    - ``stands_in``: the ego replaces the car requested by number, because that car cannot have the goal.
     """
 
     ego: GeneratedVehicle
@@ -275,7 +275,9 @@ def _task(
 
 
 def _window(spec: TaskSpec, step: int, step_s: float) -> tuple[int, int]:
-    """Return the first and last steps of the goal's time, if the recorded car reaches the goal at a step."""
+    """Return the first and last steps of the goal's time window around the step at which the recorded car reaches the
+    goal.
+    """
     margin = round(TIME_MARGIN_S / step_s)
     if not spec.goal.is_through:
         return max(1, step - margin), step + margin
@@ -309,7 +311,7 @@ class _Passage:
 
 
 def passage(spec: TaskSpec, car: GeneratedVehicle, network: RoadNetwork, step_s: float) -> _Passage | None:
-    """Return a car's passage of the goal; None if it never is there, or if the goal is too close to its start."""
+    """Return a car's passage of the goal; None if it never gets there, or if the goal is too close to its start."""
     goal, driven = spec.goal, arc_length(car.motion.positions)
     if goal.lanelet is not None:
         return _on_lanelet(goal.lanelet, car, network.lanelets[goal.lanelet.lanelet_id], driven)

@@ -518,7 +518,7 @@ def _convert_site(
     """Convert a cut; nearby junctions stay apart if joining them would lose the site.
 
     If turns that are too tight belong to the site, as on a small ring, the corners of junctions are drawn tighter. A
-    ring with two junctions is closed again: netconvert takes its second half for a way back.
+    ring with two junctions is closed again: netconvert mistakes its second half for a way back.
 
     Returns:
         netconvert's warnings, notes on changes, notes on removed turns, and the lanelets.

@@ -117,7 +117,9 @@ class SiteWays:
 
     @cached_property
     def _outwards(self) -> Mapping[str, float]:
-        """The directions from the site along each entry and exit on its own, over one diameter of the site."""
+        """The directions from the site along each entry and each exit, measured separately over one diameter of the
+        site.
+        """
         towards = {edge: direction_rad(self._road(edge, self._before)[::-1], self.diameter_m) for edge in self.entries}
         return towards | {edge: direction_rad(self._road(edge, self._after), self.diameter_m) for edge in self.exits}
 
@@ -186,7 +188,7 @@ class SiteWays:
         return self._net.lanes[self._net.edges[edge].lane_ids[0]].shape
 
     def _road(self, edge: str, neighbours: Mapping[str, Iterable[str]]) -> Points:
-        """Return the line of a road from or to the site, over one diameter if it does not fork before that."""
+        """Return the line of a road to or from the site, up to one diameter long or to the next fork."""
         is_ahead = neighbours is self._after
         chain = self._chain(edge, neighbours)
         lines = [self._line(one) for one in (chain if is_ahead else chain[::-1])]
@@ -195,7 +197,7 @@ class SiteWays:
     def _chain(self, edge: str, neighbours: Mapping[str, Iterable[str]]) -> list[str]:
         """Return an edge and its only followers or predecessors, together at least one diameter long if possible.
 
-        A way back round the island of an arm does not count.
+        A way back around the island of an arm is left out.
         """
         turned_back = self.entries if neighbours is self._after else self.exits
         chain, length_m = [edge], float(arc_length(self._line(edge))[-1])

@@ -246,7 +246,7 @@ def _meet(osm: OsmMap, streets: tuple[tuple[str, ...], ...]) -> bool:
 
 
 def _ring_fault(finder: SiteFinder, request: GenerationRequest) -> str:
-    """Return why a way tagged as a roundabout on the requested streets is not one; empty without a way like this."""
+    """Return why a way tagged as a roundabout on the requested streets is not one; empty if there is no such way."""
     for part, fault in finder.ring_faults():
         ring = Site("roundabout", *part.position, part.streets, part.mark)
         if _passes_by(ring, request) and _is_in_box(ring, request):
@@ -255,9 +255,8 @@ def _ring_fault(finder: SiteFinder, request: GenerationRequest) -> str:
 
 
 def _never_meet(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -> NotPossible:
-    """Return the refusal of streets that do not meet; it lists the crossing of one of them nearest to the others.
-
-    After that, it lists the streets that have a site of the requested type.
+    """Return the refusal of streets that do not meet. As alternatives, it lists the crossing of one of these streets
+    that is nearest to the others, and then each street that has a site of the requested type.
     """
     named = cited_all((names[0] for names in request.streets), " / ")
     kinds: tuple[SiteType, ...] = ANY_ORDER if request.scenario_type == "any" else (request.scenario_type,)
@@ -280,7 +279,7 @@ def _never_meet(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -> 
 def _crossing_nearby(
     osm: OsmMap, finder: SiteFinder, request: GenerationRequest, kinds: tuple[SiteType, ...]
 ) -> str | None:
-    """Return the crossing of a requested street with another one that is nearest to the other requested streets."""
+    """Return the crossing of one requested street with any road that is nearest to the other requested streets."""
     if not set(kinds) & {"intersection", "signalised_intersection", "urban"}:
         return None
     found: list[tuple[float, str, tuple[tuple[str, ...], ...]]] = []
@@ -413,7 +412,7 @@ def _fitting_by_links(
 ) -> dict[SiteType, list[Site]]:
     """Return the fitting sites that links belong to, for each kind that has some.
 
-    Links make a junction only of several requested streets; the ring of a roundabout may be made of them anyway. A
+    Links make a junction only of several requested streets; the ring of a roundabout may always consist of links. A
     single street without an urban junction is itself an urban site if it has houses.
     """
     possible = [kind for kind in kinds if kind == "roundabout" or len(request.streets) > 1]
@@ -504,7 +503,7 @@ LEAST_ARMS = 3
 
 
 def why_not_realised(site: Site, net: SumoNet) -> str | None:
-    """Return why the net lacks the features of the site's type near the site's middle, or None if it has them."""
+    """Return why the net lacks the features of the site's type near the site's centre, or None if it has them."""
     middle = middle_of(site, net)
     judges: dict[SiteType, Callable[[], bool]] = {
         "roundabout": lambda: bool(_ring_edges_at(site, net, middle)),
@@ -525,7 +524,7 @@ def why_not_realised(site: Site, net: SumoNet) -> str | None:
 
 
 def middle_of(site: Site, net: SumoNet) -> Points:
-    """Return the middle of the site in the net's coordinates, shape (2,)."""
+    """Return the centre of the site in the net's coordinates, shape (2,)."""
     return _place_of(site.position, net)
 
 
@@ -546,7 +545,7 @@ def road_classes(edge: NetEdge) -> frozenset[str]:
 
 
 def _passes(net: SumoNet, middle: Points, within_m: float, wanted: Callable[[frozenset[str]], bool]) -> bool:
-    """Return whether a road of the wanted classes is near the site's middle; checks 8 points per segment."""
+    """Return whether a road of the wanted classes is near the site's centre; checks 8 points per segment."""
     roads = {edge.edge_id for edge in net.edges.values() if not edge.internal and wanted(road_classes(edge))}
     lanes = (lane for lane in net.lanes.values() if lane.edge_id in roads)
     return any(float(np.linalg.norm(_dense(lane.shape) - middle, axis=1).min()) < within_m for lane in lanes)
@@ -558,7 +557,7 @@ def _dense(line: Points) -> Points:
 
 
 def _ring_edges_at(site: Site, net: SumoNet, middle: Points) -> frozenset[str]:
-    """Return the edges of all roundabouts at the site's middle that are closed and that roads enter.
+    """Return the edges of all roundabouts at the site's centre that are closed and that roads enter.
 
     netconvert does not mark every ring as a roundabout, for example not one with ``junction=circular``. If no ring is
     marked, the ring is the circle of one-way edges that the site's ways are part of.
@@ -596,7 +595,7 @@ def drawn_ring(site: Site, net: SumoNet) -> tuple[str, ...]:
 
 
 def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...], before: Mapping[str, Set[str]]) -> bool:
-    """Return whether a ring is closed, has roads that lead into it, and surrounds the site's middle or passes near it.
+    """Return whether a ring is closed, has roads that lead into it, and surrounds the site's centre or passes near it.
 
     ``before``: the edges that lead into each edge.
     """
@@ -612,7 +611,7 @@ def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...], before: Map
 
 
 def _junctions_near(net: SumoNet, middle: Points, with_links: bool = False) -> list[str]:
-    """Return the junctions of three or more roads, not only motorways, near the site's middle.
+    """Return the junctions of three or more roads, not only motorways, near the site's centre.
 
     ``with_links``: whether link roads count.
     """
@@ -651,7 +650,7 @@ def _is_lit(net: SumoNet, junction: str) -> bool:
 
 
 def _ramp_near(net: SumoNet, middle: Points) -> bool:
-    """Return whether a link leaves or joins a motorway or trunk road near the site's middle."""
+    """Return whether a link leaves or joins a motorway or trunk road near the site's centre."""
     for turn in net.connections:
         before, after = (road_classes(net.edges[key]) for key in (turn.from_edge, turn.to_edge))
         joins = (before & FAST_ROADS and after & RAMP_LINKS) or (after & FAST_ROADS and before & RAMP_LINKS)
@@ -695,7 +694,9 @@ class SiteFocus:
         return max(len(self._areas), 1)
 
     def parts_passed(self, car: GeneratedVehicle, last_step: int) -> int:
-        """Count the areas that the car's centre passes up to a step; 0 without the first, 1 if a road is the site."""
+        """Count the areas that the car's centre passes up to a step; 0 if it misses the first, always 1 if a road is
+        the site.
+        """
         from shapely import contains_xy
 
         if not self._areas:
@@ -715,7 +716,8 @@ class SiteFocus:
     def inside(self, car: GeneratedVehicle) -> NDArray[np.bool_]:
         """Return a mask of the steps at which the car's centre is on the ring, or in the junctions of the site.
 
-        At a site of several junctions, the edges between them count. If a road or a ramp is the site, all are False.
+        At a site of several junctions, the edges between them count as inside. If a road or a ramp is the site, all
+        entries are False.
         """
         from shapely import contains_xy
 

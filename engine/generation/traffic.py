@@ -286,7 +286,7 @@ def _absent(demand: Demand, counts: Mapping[str, int]) -> dict[str, int]:
 
 
 def _is_hopeless(demand: Demand, absent: Mapping[str, int]) -> bool:
-    """Return whether so many vehicles are missing that the site is full."""
+    """Return whether so many vehicles are missing that the site must be full."""
     return sum(absent.values()) > max(FEW_ABSENT, ABSENT_SHARE * sum(demand.least.values()))
 
 

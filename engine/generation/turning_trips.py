@@ -1,7 +1,6 @@
 """Makes trips through a site along the ego's requested turn, for use if no vehicle of the traffic makes it.
 
-A trip leads straight to the site and straight on behind it where the roads allow this, so that its turn is the one at
-the site.
+If the roads allow it, a trip leads straight to the site and straight on after it, so that its only turn is at the site.
 """
 
 import math
@@ -51,7 +50,10 @@ def needed_s(net: SumoNet, focus: SiteFocus, turn: Turn | None, sumo_class: str)
 
 
 def _ways_of(focus: SiteFocus, turn: Turn | None, edges: OpenEdges) -> tuple[tuple[str, ...], ...]:
-    """Return the ways through a site that make a turn, or all ways without a turn; no way if a road or ramp is the site."""
+    """Return the ways through a site that make a turn, or all ways without a turn.
+
+    There is no way if the site is a road or ramp.
+    """
     wanted = "left" if turn == "unprotected_left" else turn
     ways = () if focus.ways is None else focus.ways.through(edges)
     return tuple(way for made, way in ways if wanted is None or made == wanted)
@@ -180,6 +182,6 @@ class TurningTrips(TripMaker):
         return approach
 
     def _turned_rad(self, edge: str, onward: str) -> float:
-        """Return by how much a vehicle turns from the end of one edge to the start of the next."""
+        """Return the angle by which a vehicle turns from the end of one edge to the start of the next."""
         before, behind = (self._net.lanes[self._net.edges[key].lane_ids[0]].shape for key in (edge, onward))
         return abs(wrap_angle(direction_rad(behind, CORNER_M) - direction_rad(before[::-1], CORNER_M) - math.pi))

@@ -148,7 +148,7 @@ def _passages(
 def _first_edge(
     car: GeneratedVehicle, steps: Iterable[int], wanted: frozenset[str], network: RoadNetwork, lookup: LaneletLookup
 ) -> str:
-    """Return the first edge under a car at the given steps, or an empty text if there is none.
+    """Return the first edge under a car at the given steps, or an empty string if there is none.
 
     The edges before a ring may be shorter than a step. If the car is in a junction at one end of a ``wanted`` edge, it
     has passed that edge or will pass it.

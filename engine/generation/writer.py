@@ -173,7 +173,7 @@ def _write_point(parent: etree._Element, point: Points) -> None:
 
 
 def _add(parent: etree._Element, path: str, text: str | None = None) -> etree._Element:
-    """Append nested elements (``shape/rectangle``), the last with a text, and return the last one."""
+    """Append nested elements for a path such as ``shape/rectangle``; give the last one a text and return it."""
     for tag in path.split("/"):
         parent = etree.SubElement(parent, tag)
     parent.text = text
@@ -218,7 +218,7 @@ def _write_lanelet(root: etree._Element, lanelet: RoadLanelet, signs: list[int],
 
 
 def _write_walkway(root: etree._Element, walkway: Walkway) -> None:
-    """Append a footway: pedestrians walk on it in both directions, and it leads vehicles nowhere."""
+    """Append a footway: open to pedestrians in both directions, and not connected to lanelets for vehicles."""
     element = etree.SubElement(root, "lanelet", {"id": str(walkway.lanelet_id)})
     for tag, line in (("leftBound", walkway.left), ("rightBound", walkway.right)):
         bound = etree.SubElement(element, tag)
@@ -307,7 +307,7 @@ def _obstacle_text(obstacle_id: int, vehicle: GeneratedVehicle) -> str:
 
 
 def _state_texts(tag: str, motion: Motion, steps: range, level: int) -> Iterator[str]:
-    """Yield the elements of states as text at a level of a file; they are most of it, so no tree is built."""
+    """Yield the elements of states as text at a level of a file; states make up most of a file, so no tree is built."""
     state = textwrap.indent(_STATE, " " * level)
     chosen = slice(steps.start, steps.stop)
     columns = motion.headings_rad, motion.speeds_mps, motion.accelerations_mps2

@@ -1,6 +1,6 @@
 """Draws the built-in maps: invented towns in the open sea, one for each kind of site.
 
-Roads in metres on paper become OpenStreetMap XML.
+Roads drawn in metres become OpenStreetMap XML.
 
 ``python -m plannerforge.engine.maps.drawn_library`` draws the maps again and writes the catalogue of their content.
 """

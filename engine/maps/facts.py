@@ -213,7 +213,7 @@ def _table() -> tuple["STRtree", tuple[str, ...]]:
 
 
 def _polygon(rings: list[list[int]]) -> "Polygon":
-    """Return the area inside the first ring and outside the others; rings are steps (east, north) in units."""
+    """Return the area inside the first ring and outside the others; rings consist of steps (east, north) in units."""
     from shapely import Polygon
 
     lines = [list(zip(_summed(steps[::2]), _summed(steps[1::2]), strict=True)) for steps in rings]

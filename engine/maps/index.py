@@ -197,7 +197,7 @@ class MapMatch:
 
     @property
     def widened(self) -> "MapMatch | None":
-        """A match of the whole map if streets are outside their place's circle, or None if that is a limit.
+        """A match of the whole map, if streets outside their place's circle are acceptable; otherwise None.
 
         The circle of a town is mostly a guess, and an intersection of streets is unique. A quarter, however, states
         which part of a single street is requested.
@@ -393,7 +393,7 @@ def _is_on_map(facts: MapFacts, part: str) -> bool:
 
 
 def _find_town(place: str, found: Sequence[MapMatch]) -> _Town | None:
-    """Return the last comma-separated part that is an available map's town; None if there is only one part."""
+    """Return the last comma-separated part that is the town of an available map; None if the text has only one part."""
     listed = listed_parts(place)
     for index in reversed(range(len(listed) if len(listed) > 1 else 0)):
         if maps := tuple(map_ for map_ in found if _is_town_of(listed[index], map_.entry.facts)):
@@ -414,7 +414,7 @@ def _is_town_of(part: str, facts: MapFacts) -> bool:
 
 
 def _add_incomplete_roads(shown: list[MapMatch], found: list[MapMatch], text: str, level: Closeness) -> list[MapMatch]:
-    """Return the matches with the roads added that begin with the text, since its last word may be half typed.
+    """Add the roads that begin with the text to the matches, since its last word may be incomplete.
 
     ``Rue de B`` is a spelling of ``B Street``, and the beginning of ``Rue de Bretagne``. This adds no roads to a place,
     to a road with exactly this name, or to one that the text abbreviates (``Main St``: ``Main Street``).
@@ -438,7 +438,7 @@ def _add_incomplete_roads(shown: list[MapMatch], found: list[MapMatch], text: st
 
 
 def _joined(match: MapMatch, begun: tuple[str, ...], text: str) -> MapMatch:
-    """Return a match with these roads as alternatives, or with only these if the text was read as several names."""
+    """Add the roads to a match as alternatives, or replace its roads if the text was read as several names."""
     if not begun:
         return match
     is_one = len(match.streets) == 1 and match.area is None and not match.unnamed
@@ -688,8 +688,8 @@ def _sound(text: str) -> str:
 def _match(entry: MapEntry, place: str, country: str | None, closeness: Closeness) -> MapMatch | None:
     """Return the map with the requested streets if it covers every part of the place, or None.
 
-    A part that the map lacks is accepted if another part is a street on the map, and the map is also identified. A part
-    that refers to the map identifies it or, if the map has no place names, the caller's country does.
+    A part that is not on the map is accepted under two conditions. Another part is a street on the map, and the map is
+    identified: by a part of the text that refers to it or, if the map has no place names, by the caller's country.
     """
     facts = entry.facts
     reading = _read_whole(place, facts)
@@ -732,7 +732,7 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
 
 
 def _without_area(reading: "_Reading", area: PlaceArea) -> "_Reading":
-    """Remove the circle of the map's own town, which is only the context of the requested road."""
+    """Drop the circle of the map's own town from a reading, where it is only the context of the requested road."""
     told = (text.replace(_area_text(area), cited(area.name)) for text in reading.understood)
     return replace(reading, area=None, understood=tuple(text for text in told if text != cited(area.name)))
 
@@ -810,7 +810,7 @@ def _read_alike(
     """Read the text as a place or a road with a similar name.
 
     ``wide``: the map may be in the outskirts of a settlement, because a road is given with it. ``settled``: other words
-    refer to a place of the map, so these do not refer to one elsewhere.
+    refer to a place of the map, so this text does not refer to a place elsewhere.
     """
     if closeness is Closeness.SAME or not any(map(str.isalpha, part)):
         return None
@@ -869,7 +869,7 @@ def _is_near(settlement: Settlement, facts: MapFacts) -> bool:
 
 
 def _is_elsewhere(part: str, facts: MapFacts) -> bool:
-    """Return whether the text is a city elsewhere and nothing in the map's country, so no road begins with it."""
+    """Return whether the text names a city elsewhere, and no settlement in or near the map's country."""
     known = settlements_called(without_frame(part))
     return any(settlement.population >= CITY_PEOPLE for settlement in known) and not any(
         settlement.country in _countries(facts) or _is_near(settlement, facts) for settlement in known
@@ -956,7 +956,7 @@ def _is_outside(part: str, facts: MapFacts) -> bool:
 
 
 def _read_place_by_keys(part: str, facts: MapFacts, keys_of: Callable[[str], frozenset[str]]) -> _Reading | None:
-    """Read the text as a place inside the map, or as its own place, by the given keys of names.
+    """Read the text as a place inside the map, or as the map's own place, by the given keys of names.
 
     The map's own name means its town, never a quarter with the same name (``竹北``: ``竹北市``, not ``竹北里``).
     """
@@ -983,7 +983,7 @@ def _is_called(area: PlaceArea, name: str) -> bool:
 
 
 def _same_place(area: PlaceArea, facts: MapFacts) -> list[PlaceArea]:
-    """Return the place and its duplicates of the same kind: a map may draw one twice, in two languages.
+    """Return the place and its duplicates of the same kind: a map may contain a place twice, in two languages.
 
     Duplicates share a name, and the centre of one is within the outline of the other.
     """

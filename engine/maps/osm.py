@@ -129,9 +129,9 @@ class OsmMap:
 def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
     """Scan and read an extract; leave out references to nodes that it does not contain.
 
-    Nodes without a position, or beyond ``SOUTHMOST_DEG`` and ``NORTHMOST_DEG``, are left out. Of nodes or ways with the
-    same id, the last one counts. A way over the antimeridian is split there. The document is read element by element,
-    so that only plain values stay in memory.
+    Nodes without a position, or beyond ``SOUTHMOST_DEG`` and ``NORTHMOST_DEG``, are left out. If nodes or ways share an
+    id, the last one is kept. A way over the antimeridian is split there. The document is read element by element, so
+    that only plain values stay in memory.
 
     Raises:
         UnsafeInput: the file is hostile, broken, too large, not OpenStreetMap XML, or has no road.
@@ -208,7 +208,7 @@ def _names_a_place(way: OsmWay) -> bool:
 def _parted_at_antimeridian(ways: list[OsmWay], nodes: Mapping[int, OsmNode]) -> list[OsmWay]:
     """Split ways at the antimeridian; further parts of a way have new ids.
 
-    Longitudes jump by 360 degrees there, so measuring, cutting or drawing the way would lead around the world.
+    Longitudes jump by 360 degrees there, so measuring, cutting or drawing an unsplit way would go around the world.
     """
     new_ids = count(max((way.way_id for way in ways), default=0) + 1)
     parted: list[OsmWay] = []
@@ -226,7 +226,7 @@ def _parted_at_antimeridian(ways: list[OsmWay], nodes: Mapping[int, OsmNode]) ->
 
 
 def _forget(element: Any) -> None:
-    """Free the memory of what has been read: the element's content, and all elements before it."""
+    """Free the memory of what has been read: the element's content and all elements before it."""
     element.clear()
     while element.getprevious() is not None:
         del element.getparent()[0]

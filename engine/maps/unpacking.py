@@ -187,7 +187,7 @@ def _is_pbf(path: Path) -> bool:
 
 
 def is_large(path: Path) -> bool:
-    """Return whether a file is so large a binary extract that it is read into tiles immediately."""
+    """Return whether a file is a binary extract so large that it must be read into tiles."""
     return is_binary(path) and path.stat().st_size > LARGE_BINARY_BYTES
 
 

@@ -150,7 +150,7 @@ def _common_shares(group: list[NetLane]) -> Values:
 
 
 def _stitch(bounds: LaneBounds, drawn: dict[str, LaneBounds], graph: LaneGraph) -> None:
-    """Draw an internal lane's ends onto those of the lanes before and after, fading out along its length."""
+    """Move an internal lane's ends onto the ends of the lanes before and after it, fading out along its length."""
     before = drawn[graph.predecessors[bounds.lane.lane_id][0]]
     after = drawn[graph.successors[bounds.lane.lane_id][0]]
     at_start, at_end = not before.lane.internal, not after.lane.internal
@@ -245,7 +245,9 @@ _NEAREST_VERTICES_M = 0.05
 
 
 def stations_along(points: Points, maximum_step_m: float = 4.0) -> Values:
-    """Return at least three arc lengths: those of all vertices, and more where steps would exceed the maximum."""
+    """Return at least three arc lengths: those of all vertices, and further ones so that no step exceeds the
+    maximum.
+    """
     vertices = np.unique(np.round(arc_length(points), 4))
     total = float(vertices[-1])
     stations = [0.0]
@@ -319,7 +321,9 @@ def is_valid(left: Points, right: Points) -> bool:
 
 
 def repaired(center: Points, left: Points, right: Points) -> tuple[Points, Points] | None:
-    """Return the bounds, or the first milder ones with the same ends that enclose a simple polygon, or None."""
+    """Return the bounds or, if they enclose no simple polygon, the first milder bounds that do; None if there
+    are none.
+    """
     if is_valid(left, right):
         return left, right
     for candidate in _redrawings(center, left, right):

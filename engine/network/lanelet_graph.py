@@ -1,9 +1,9 @@
 """Searches directed graphs, and provides the graph of a lanelet network.
 
-The searches are our own. Of several equally cheap routes, they take the one with the lower node ids, regardless of the
-order in the file; networkx takes the first route that it finds, and scipy's csgraph does not specify which one it
-takes. On straight roads, an early lane change costs as much as a late one, so routes would vary, and so would
-everything computed along them.
+The searches are our own. Among equally cheap routes, they take the one with the lower node ids, regardless of the order
+in the file; networkx takes the first route that it finds, and scipy's csgraph does not specify which one it takes. On
+straight roads, an early lane change costs as much as a late one, so routes would vary, and so would everything computed
+along them.
 """
 
 import heapq
@@ -51,7 +51,7 @@ class Digraph(Generic[_Node]):
     def fewest_steps_route(self, start: _Node, goal: _Node) -> tuple[_Node, ...] | None:
         """Return the route with the fewest nodes, both ends included, or None if there is none.
 
-        Of several routes, it takes the one with nodes that come earlier in the order of the steps.
+        In a tie, it takes the route with nodes that come earlier in the order of the steps.
         """
         came_from: dict[_Node, _Node] = {}
         for node, _ in self._by_steps([start], came_from):

@@ -121,7 +121,9 @@ def _plain(lanelet: "Lanelet", place: tuple[str, str], speed_mps: float, known: 
 
 
 def _lights(network: "LaneletNetwork", driven: Mapping[int, RoadLanelet]) -> tuple[TrafficLight, ...]:
-    """Return the file's lights at lanelets for vehicles, each with an empty cycle: the file keeps its own."""
+    """Return the file's lights at lanelets for vehicles, with empty cycles, because scenarios copy the cycles from the
+    file.
+    """
     standing = {
         int(light): key
         for key, lanelet in sorted((int(one.lanelet_id), one) for one in network.lanelets)

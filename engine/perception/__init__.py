@@ -1,4 +1,5 @@
-"""The sensors between a scenario and a planner in an imperfect world: what they report of the road users, and the ego.
+"""The sensors between a scenario and a planner in an imperfect world: what they report about the road users and the
+ego.
 
 ``Sensors``: The sensors of one run, which report the road users at each planning step.
 ``Percept``: What the sensors report at one planning step: road users, and the error of the ego's own pose.

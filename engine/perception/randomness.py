@@ -20,15 +20,17 @@ _PARTS: tuple[Part, ...] = ("estimate", "missed", "class", "frames", "ghosts", "
 
 
 def stream(seeds: tuple[int, int], part: Part, key: int = 0) -> np.random.Generator:
-    """Return the random numbers of one part of the sensors for one road user."""
+    """Return the generator of random numbers for one part of the sensors and one road user."""
     return np.random.Generator(np.random.PCG64([*(seed % 2**64 for seed in seeds), _PARTS.index(part), key % 2**64]))
 
 
 class Slow:
-    """Standard normal numbers by step that change slowly, in several columns: a first-order Gauss-Markov process."""
+    """Standard normal numbers, one or more per step, that change slowly from step to step: a first-order Gauss-Markov
+    process.
+    """
 
     def __init__(self, numbers: np.random.Generator, columns: int, kept: float) -> None:
-        """``kept``: the correlation of a number with that of the step before."""
+        """``kept``: the correlation of a number with the one at the previous step."""
         self._numbers, self._columns, self._kept = numbers, columns, kept
         self._values: Points = np.empty((0, columns))
 
@@ -53,13 +55,13 @@ class Slow:
 
 @lru_cache(maxsize=8)
 def _decay(kept: float) -> Points:
-    """Return the matrix in which row i adds the earlier numbers j ≤ i with weight kept^(i − j)."""
+    """Return the matrix in which row i adds each earlier number j ≤ i with the weight kept^(i − j)."""
     apart = np.arange(_BLOCK)[:, None] - np.arange(_BLOCK)[None, :]
     return np.where(apart >= 0, kept ** np.maximum(apart, 0), 0.0)
 
 
 class Stretches:
-    """Whether something is the case, by step: a two-state Markov chain with a share of time and a mean duration."""
+    """A condition that holds at some steps: a two-state Markov chain with a given share of time and mean duration."""
 
     def __init__(self, numbers: np.random.Generator, share: float, mean_steps: float) -> None:
         self._numbers, self._share = numbers, share
@@ -69,7 +71,7 @@ class Stretches:
         self._values: list[bool] = []
 
     def at(self, index: int) -> bool:
-        """Return whether it is the case at a step, counted from 0."""
+        """Return whether the condition holds at a step, counted from 0."""
         while index >= len(self._values):
             self._extend(self._numbers.random(_BLOCK))
         return self._values[index]
@@ -86,5 +88,5 @@ class Stretches:
 
 
 def correlation(time_constant_s: float, step_s: float) -> float:
-    """Return the correlation of a slow error with that of the step before."""
+    """Return the correlation of a slow error with its value at the previous step."""
     return math.exp(-step_s / time_constant_s) if time_constant_s > 0 else 0.0

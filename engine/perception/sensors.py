@@ -1,5 +1,5 @@
-"""The sensors of one run: what they report of the other road users at each planning step, and where the ego believes
-to be.
+"""The sensors of one run: what they report about the other road users at each planning step, and where the ego believes
+it is.
 
 A frame shows the road users as they were when it was taken. The sensors decide for each one within 80 m whether they
 detect it (range, field of view, occlusion, misses), a tracker decides whether it reports it (confirmation, memory), and
@@ -79,7 +79,7 @@ class PoseError:
         return np.asarray(about + self.shift + (points - about) @ _rotation(self.turn_rad).T)
 
     def true(self, points: Points, about: Points) -> Points:
-        """Return the true place of points that were planned from where the ego believed to be."""
+        """Return the true positions of points that were planned from the position that the ego believes."""
         return np.asarray(about + (points - about - self.shift) @ _rotation(-self.turn_rad).T)
 
 
@@ -90,7 +90,9 @@ def _rotation(angle_rad: float) -> Points:
 
 @dataclass(frozen=True)
 class Percept:
-    """The road users that the planner gets at one planning step, as tracks of one state, and the error of its pose."""
+    """The road users that the planner receives at one planning step, as tracks of one state, and the error of the ego's
+    pose.
+    """
 
     moving: tuple[Track, ...]
     standing: tuple[Track, ...]
@@ -99,7 +101,7 @@ class Percept:
 
 @dataclass
 class _Followed:
-    """A road user in the tracker's memory: how it was at its last detection, and the steps of its detections."""
+    """A road user in the tracker's memory: its state at its last detection, and the steps of its detections."""
 
     track: Track
     row: int
@@ -150,7 +152,7 @@ class Sensors:
         self._poses: list[tuple[float, float, float]] = []
 
     def perceive(self, users: RoadUsers, states: Sequence[Posed]) -> Percept:
-        """Return what the planner gets at the ego's last state."""
+        """Return what the planner receives at the ego's last state."""
         first, now = states[0].step, states[-1]
         newest = max(now.step - self._latency, first)
         self._first = first
@@ -172,7 +174,7 @@ class Sensors:
         return Percept((*moving, *(replace(one, first_step=now.step) for one in ghosts)), tuple(standing), error)
 
     def perceived(self) -> Perceived:
-        """Return what the planner got over the whole run."""
+        """Return what the planner received over the whole run."""
         poses = list(zip(*self._poses, strict=True)) or [(), (), ()]
         return Perceived(
             sightings=tuple(sorted(self._sightings, key=lambda one: (one.obstacle_id, one.step))),
@@ -194,7 +196,7 @@ class Sensors:
         return PoseError(self._world.localisation_m * drawn[:2], turn_rad)
 
     def _look(self, users: RoadUsers, egos: Sequence[Posed]) -> None:
-        """Take a frame at each of some states of the ego, and decide what is reported from then on."""
+        """Take a frame at each of the given states of the ego, and decide what is reported from then on."""
         around = _Around.of(users, egos, self._step_s)
         near, codes, hidden_by = self._detected(around, egos)
         for frame, ego in enumerate(egos):

@@ -1,7 +1,7 @@
 """What is in view from a point: the share of each body's outline that lies in the field of view and is not hidden.
 
-Bodies are rectangles, and the share is exact. Seen from a point, a convex body covers an interval of angles. Of two
-convex bodies that do not overlap, one is in front wherever their intervals overlap: a line separates the bodies, and
+Bodies are rectangles, and the share is exact. Seen from a point, a convex body covers an interval of angles. If two
+convex bodies do not overlap, one of them is in front wherever their intervals overlap: a line separates the bodies, and
 every ray that meets both crosses it at most once. So the hidden part of a body is the union of the intervals of those
 in front of it, and one ray decides which of two is in front.
 """
@@ -44,7 +44,7 @@ class Bodies:
     present: NDArray[np.bool_]
 
     def and_walls(self, walls: "Bodies") -> "Bodies":
-        """Return these bodies followed by others that stand still, given in one frame."""
+        """Return these bodies followed by walls, which stand still and are given in one frame."""
         frames = len(self.centres)
         return Bodies(
             np.concatenate([self.centres, np.repeat(walls.centres, frames, axis=0)], axis=1),
@@ -55,7 +55,7 @@ class Bodies:
         )
 
     def near(self, point: Points, radius_m: float) -> "Bodies":
-        """Return those in a single frame that may have a part within a radius of a point."""
+        """Return the bodies of a single frame that may have a part within a radius of a point."""
         reach = np.hypot(self.sizes_m[:, 0], self.sizes_m[:, 1]) / 2
         kept = np.hypot(*(self.centres[0] - point).T) - reach <= radius_m
         return Bodies(
@@ -101,7 +101,7 @@ def _walls(obstacle: Any) -> Iterator[tuple[tuple[float, float], tuple[float, fl
 
 @dataclass(frozen=True)
 class InView:
-    """The share of the outline of each body that is within the field of view, and that is visible, each (f, n).
+    """For each body, the share of its outline in the field of view, and the share that is also visible, each (f, n).
 
     ``hidden_by`` (f, n): the body that hides the largest part of it, or −1 if it is not hidden.
     """

@@ -45,7 +45,7 @@
 ``Predictor``: A function that predicts one track.
 ``predictor``: Returns the function that predicts one track on a network, by the name of a prediction.
 ``check_modes``: Raises ``InvalidRequest`` if a prediction cannot be combined with the traffic.
-``check_world``: Raises ``InvalidRequest`` if a planner would see what the sensors of a world do not.
+``check_world``: Raises ``InvalidRequest`` if a planner could see more than the sensors of a world.
 ``SimulatedVehicle``: The ego as a vehicle model that follows plans under a tracking controller.
 ``CarefulDriver``: The competent and careful driver of UN R157.
 ``FuzzyDriver``: The driver of the fuzzy safety model.

@@ -289,7 +289,7 @@ def _obstacle(state: _GoalState, ego: EgoState, vehicle: VehicleParameters, step
 def select_goal_state(
     network: "LaneletNetwork", region: "GoalRegion", ego: EgoState, vehicle: VehicleParameters, step_s: float
 ) -> "GoalRegion":
-    """Return the region of one goal state, with its own conditions, or the whole if all states are unreachable.
+    """Return the region of one goal state, with its own conditions; the whole region if all states are unreachable.
 
     Among the states that a route leads to in their time, it selects the one that needs the smallest change of speed.
     The change leads to a mean speed that brings the ego into the area within the window, and to the goal's speed

@@ -54,16 +54,16 @@ _SMALLEST_GAP_M = 0.1
 
 @dataclass(frozen=True)
 class _OnPath:
-    """An obstacle along the path, per step: its rear end, its speed, and whether it is in the corridor."""
+    """An obstacle projected onto the path: per step, its rear end, its speed, and whether it is in the corridor."""
 
     rear_m: Values
     speed_mps: Values
     in_corridor: NDArray[np.bool_]
 
     def leaders(self, look_ahead: int) -> list[tuple[float, float] | None]:
-        """Return, for each step, its rear end and speed at its first step in the corridor from there.
+        """Return, for each step, the obstacle's rear end and speed at the next step at which it is in the corridor.
 
-        None if it does not enter the corridor within ``look_ahead`` steps.
+        The entry is None if the obstacle does not enter the corridor within ``look_ahead`` steps.
         """
         count = len(self.in_corridor)
         entries = np.where(self.in_corridor, np.arange(count), count + look_ahead)

@@ -43,7 +43,7 @@ class EgoState:
 
     @classmethod
     def of(cls, state: Any) -> "EgoState":
-        """Return the ego in an initial state; intervals count as their middles, missing values as 0."""
+        """Return the ego in an initial state; intervals are replaced by their midpoints, missing values as 0."""
         position = state.position.center if hasattr(state.position, "center") else state.position
         return cls(
             step=int(_middle(state.time_step)),

@@ -89,7 +89,7 @@ class Corridor:
 
     @classmethod
     def joined(cls, lanes: Collection["Corridor"], begins_m: Iterable[float], priority: int) -> "Corridor":
-        """Join lanes into one corridor; each lane's stations start at its own value."""
+        """Join lanes into one corridor; ``begins_m`` gives the station at which each lane starts."""
         return cls(
             points=np.concatenate([lane.points for lane in lanes]),
             directions=np.concatenate([lane.directions for lane in lanes]),

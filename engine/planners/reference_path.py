@@ -63,8 +63,8 @@ class ReferencePath:
     ``route_begin_m``: the station at which the first lanelet starts, negative if that is before the path; ``start_m``:
     the station near which the ego starts; ``network_end_m``: the start of the straight extension; ``goal_lanelet`` is
     None if the goal has no position. ``center_m`` (n,): distances of the points along the lanelets' centre lines, since
-    smoothing shortens curves, by up to a metre in a small roundabout. It is None for a path that leaves them at its
-    start.
+    smoothing shortens curves, by up to a metre in a small roundabout. It is None for a path that starts off the centre
+    lines.
     """
 
     points: Points
@@ -145,7 +145,8 @@ def build_reference_path(
 
 
 def blended_start(reference: ReferencePath, rear: Points, heading_rad: float, over_m: float) -> ReferencePath:
-    """Return a path from an ego's rear axle (2,), in its heading, onto the reference path within ``over_m`` metres.
+    """Return a path that starts at an ego's rear axle (2,) with its heading, and joins the reference path within
+    ``over_m`` metres.
 
     Behind the ego the path is straight. If the reference path is too short, the path joins it at its end.
     """

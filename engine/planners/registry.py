@@ -144,7 +144,7 @@ def needs_file(name: str) -> bool:
     """Return True if a planner is a program, which reads the scenario's file.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
     """
     folded = known_planner(name)
     return folded not in PLANNERS and own_planner(folded).command is not None

@@ -67,7 +67,9 @@ class RearAxlePath:
         return station
 
     def frame(self, stations: Values) -> tuple[Points, Values, Values, Values]:
-        """Return points (n, 2), headings (n,) in rad, and the derivatives of arc length and heading by station."""
+        """Return points (n, 2), headings (n,) in rad, and the derivatives of arc length and heading with respect to the
+        station.
+        """
         stations = np.clip(stations, 0.0, self._end_m)
         along, bending = self._first(stations), self._second(stations)
         pace = np.linalg.norm(along, axis=1)
@@ -85,7 +87,7 @@ class _Fade:
     slope: float
 
     def at(self, stations: Values) -> tuple[Values, Values]:
-        """Return offsets in m and their slopes by station."""
+        """Return offsets in m, and their slopes with respect to the station."""
         share = np.clip((stations - self.begin_m) / self.length_m, 0.0, 1.0)
         offset = self.offset_m * (1 - share**3 * (10 - 15 * share + 6 * share**2))
         offset = offset + self.slope * self.length_m * (share - share**3 * (6 - 8 * share + 3 * share**2))
@@ -130,7 +132,7 @@ class RearAxleCurve:
         return points + offset[:, None] * normal, np.unwrap(along_rad + self._motion(stations)[0])
 
     def _motion(self, stations: Values) -> tuple[Values, Values]:
-        """Return the curve's angle to the path in rad, and its length by station."""
+        """Return the curve's angle to the path in rad, and its length per metre of station."""
         _, _, pace, turn = self.path.frame(stations)
         offset, slope = self.fade.at(stations)
         along = np.maximum(pace - offset * turn, _LEAST_PACE)

@@ -39,8 +39,8 @@ class SafetyCheck:
         ``counted``: the number of initial states that must be safe; None means all. ``is_safe``: True if the planner's
         core has already checked the trajectory, so that only the motion that follows it is checked here.
 
-        ``steering_rate``: the wheels turn too slowly to stay within ``most_m`` of it; ``friction``: tyres or engine do
-        not allow its accelerations.
+        The reason is ``steering_rate`` if the wheels turn too slowly to stay within ``most_m`` of it, and ``friction``
+        if tyres or engine do not allow its accelerations.
         """
         refused = None if is_safe else self.objection(trajectory if counted is None else trajectory.until(counted))
         if refused is not None:

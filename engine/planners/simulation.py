@@ -41,11 +41,11 @@ class DrivenRun:
     """The states, plans and verdict of a run.
 
     ``plan_s`` and ``rejections`` include a last attempt without a trajectory; ``plans`` does not. ``verdict``: None if
-    the run was stopped before the judge ended it. ``task``: the
-    planner's task, or None if the planner was not called. ``blended_over_m``: the length of the curve by which the
-    reference path leads the ego onto its route, if it needs one (``eased_over_m`` of the record). ``sensors``: those of
-    an imperfect world, which know what the planner got of the other road users. ``vehicle``: the vehicle model that
-    drives the ego, if plans are not driven exactly.
+    the run was stopped before the judge ended it. ``task``: the planner's task, or None if the planner was not called.
+    ``blended_over_m``: the length of the curve by which the reference path leads the ego onto its route, if it needs
+    one (``eased_over_m`` of the record). ``sensors``: those of an imperfect world, which record what the planner
+    received about the other road users. ``vehicle``: the vehicle model that drives the ego, if plans are not driven
+    exactly.
     """
 
     states: list[EgoState]
@@ -110,10 +110,10 @@ def simulate(
     """Run a planner on a planning problem until the judge ends it.
 
     A problem that no planner can solve (initial collision, off the road, no route, too little time) ends as ``invalid``
-    with a code and without a plan. The traffic is recorded by default; reactive traffic must be at the ego's
-    first step. ``vehicle``: the ego's vehicle; None selects the configuration's car. In an imperfect ``world`` the
-    planner gets what its sensors report, with random numbers from ``seed``; the judge sees the truth. ``is_over``:
-    called after every step that the judge does not end; True stops the run without a verdict.
+    with a code and without a plan. The traffic is recorded by default; reactive traffic must be at the ego's first
+    step. ``vehicle``: the ego's vehicle; None selects the configuration's car. In an imperfect ``world`` the planner
+    receives what its sensors report, with random numbers from ``seed``; the judge sees the truth. ``is_over``: called
+    after every step that the judge does not end; True stops the run without a verdict.
     """
     ego = EgoState.of(problem.initial_state)
     run = DrivenRun([ego], traffic or RecordedTraffic(scenario))
@@ -236,7 +236,7 @@ class _Loop:
 
 
 def _believed(ego: EgoState, error: PoseError) -> EgoState:
-    """Return the ego's state with the pose that it believes to have."""
+    """Return the ego's state with the pose that the ego believes it has."""
     position = error.believed(ego.position, ego.position)
     return replace(ego, position=position, heading_rad=ego.heading_rad + error.turn_rad)
 

@@ -222,7 +222,7 @@ def _write_state(axes: "Axes", view: ScenarioView) -> None:
 
 
 def _write_slowness(axes: "Axes", view: ScenarioView, moment: Moment) -> None:
-    """Write that time runs slower, and the time until or since the moment."""
+    """Write on the frame that time runs slower, and the time until or since the moment."""
     away = (view.step - moment.step) * view.content.step_s
     when = "now" if view.step == moment.step else f"{abs(away):.1f} s {'before' if away < 0 else 'after'}"
     axes.annotate(

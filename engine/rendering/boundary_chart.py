@@ -1,4 +1,4 @@
-"""The map of where planners fail over two parameters, with the edges of the reference drivers."""
+"""The map of where planners fail over two parameters, with lines where the reference drivers begin to fail."""
 
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -33,7 +33,9 @@ _REFERENCE_LINES: dict[str, tuple[Literal["-", "--"], str]] = {
 
 
 def boundary_chart(record: BoundaryRecord) -> Drawing:
-    """Draw a map per planner and slice: outcomes as fills, points as marks, the references' edges as lines."""
+    """Draw a map per planner and slice: outcomes as fills, points as marks, the edges of the reference drivers as
+    lines.
+    """
     maps = [one for one in record.maps if not one.is_reference]
     columns = min(len(maps), _COLUMNS)
     rows = -(-len(maps) // columns)

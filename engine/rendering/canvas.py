@@ -160,7 +160,7 @@ def image_at(path: Path, size_px: tuple[int, int], alt_text: str) -> RenderedIma
 
 
 def write_png(figure: "Figure", path: Path) -> tuple[int, int]:
-    """Write a figure with at most 256 colours, which suffice for flat drawings: small files, no dates inside.
+    """Write a figure with at most 256 colours, which suffice for flat drawings, and without a date; the file is small.
 
     Returns:
         The size in pixels.
@@ -177,7 +177,7 @@ def write_png(figure: "Figure", path: Path) -> tuple[int, int]:
 
 
 def exact_palette(images: Sequence["Image"], colours: int) -> "Image":
-    """Return a palette with the exact meaningful colours; the images determine the rest."""
+    """Return a palette that contains the meaningful colours exactly; its other colours are chosen for the images."""
     from PIL import Image
 
     height = max(image.height for image in images)

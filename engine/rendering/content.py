@@ -257,7 +257,7 @@ class DrivenPath:
 
     ``name``: the run's name in the picture; ``series``: number of its colour and dash pattern, the same for one
     configuration in all pictures of a request. ``others``: the motion of the obstacles that reacted to the ego, by id.
-    ``sightings``: what the planner got in an imperfect world.
+    ``sightings``: what the planner received about road users in an imperfect world.
     """
 
     record: RunRecord
@@ -271,7 +271,7 @@ class DrivenPath:
     sightings: tuple[Sighting, ...] = ()
 
     def unseen_at(self, step: int) -> frozenset[int]:
-        """Return the ids of the road users that the planner did not get at a step, as far as they were within 80 m."""
+        """Return the ids of the road users within 80 m that the planner did not receive at a step."""
         codes = {one.obstacle_id: one.code for one in self.sightings if one.step <= step}
         return frozenset(key for key, code in codes.items() if code not in REPORTED)
 
@@ -338,7 +338,7 @@ class ScenarioView:
 
     @property
     def unseen(self) -> frozenset[int]:
-        """The road users that no run's planner got at the shown step; empty without a run in an imperfect world."""
+        """The road users that no planner received at the shown step; empty without a run in an imperfect world."""
         each = [path.unseen_at(self.step) for path in self.paths]
         return frozenset.intersection(*each) if each else frozenset()
 

@@ -111,7 +111,7 @@ def _dashes(line: Points, dash_m: float, gap_m: float) -> Iterator[Points]:
 
 
 def _direction_marks(lanelet: LaneletShape, viewport: Viewport) -> list[Points]:
-    """Return small triangles along the centre line, one per eighth of the picture, at least one per lanelet."""
+    """Return small triangles along the centre line, spaced by an eighth of the picture, at least one per lanelet."""
     if lanelet.inside_intersection:
         return []
     size = max(viewport.width_m / 110, 0.8)

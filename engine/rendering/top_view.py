@@ -150,7 +150,7 @@ def _on_one_map(views: Sequence[ScenarioView]) -> bool:
 
 
 def _widened(viewport: Viewport, views: Sequence[ScenarioView]) -> Viewport:
-    """Return the viewport, widened for goals and for vehicles that moved or are in only one view, nearest first."""
+    """Return the viewport, widened to include goals and vehicles that differ between the views, nearest first."""
     middle = viewport.middle
     points = [point for view in views[1:] for point in _differing(views[0], view)]
     for point in sorted(points, key=lambda point: (float(np.linalg.norm(point - middle)), *point.tolist())):

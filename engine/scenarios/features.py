@@ -1,8 +1,8 @@
 """Features of a scenario computed from its geometry, independent of the tags that its author wrote.
 
-The features include these, found in the lanelet network: crossings (lanelets that cross at an angle), roundabouts
-(short round cycles of successors with several entries) and motorway ramps (roads of one direction that diverge or merge
-at a small angle). Angles in rad.
+Three features are found in the lanelet network: crossings (lanelets that cross at an angle), roundabouts (short round
+cycles of successors with several entries) and motorway ramps (roads of one direction that diverge or merge at a small
+angle). Angles in rad.
 """
 
 import math
@@ -186,8 +186,8 @@ APART_M = 0.3
 def _has_ramp(network: "LaneletNetwork", graph: LaneletGraph, point: Points, route: tuple[int, ...]) -> bool:
     """Return True if roads diverge or merge as at a motorway ramp, within 200 m of the point or along the route.
 
-    That is, two lanelets leave (or reach) the same lanelet at less than 20°, on carriageways without oncoming lanes.
-    The caller must exclude crossings and roundabouts.
+    This is the case if two lanelets leave (or reach) the same lanelet at less than 20°, on carriageways without
+    oncoming lanes. The caller must exclude crossings and roundabouts.
     """
     for key in graph.successors:
         vertices = network.find_lanelet_by_id(key).center_vertices

@@ -162,7 +162,7 @@ def _index_after(track: Track, index: int, further_m: float) -> int:
 
 
 def _crosses(scene: Scene, track: Track, first: int, last: int) -> int | None:
-    """Return a road user that crosses a vehicle's path by one headway after the braking, or None."""
+    """Return a road user that crosses a vehicle's path before one headway after the braking has passed, or None."""
     end = min(last + round(AHEAD_S / scene.step_s), len(track.positions) - 1)
     match = scene.matches.get(track.obstacle_id)
     if match is None:

@@ -219,7 +219,7 @@ class EgoLane:
         return f"{side} lane" if abs(lanes) == 1 else f"{abs(lanes)} lanes to the {side}"
 
     def _outside(self, lanelet: int, offset: float) -> str:
-        """Return the description of a vehicle that drives along a lane but outside of it."""
+        """Return the description of a vehicle that drives along a lane, but outside it."""
         lane = self.network.find_lanelet_by_id(lanelet)
         adjacent = lane.adj_left if offset > 0 else lane.adj_right
         same = lane.adj_left_same_direction if offset > 0 else lane.adj_right_same_direction

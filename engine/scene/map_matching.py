@@ -1,8 +1,8 @@
 """Map matching: which lanelets a recorded vehicle drove on.
 
-A Viterbi search over the lanelets near the sampled positions of a track. Each lanelet has a cost for the distance
-outside it and from its centre line, and for the difference in heading. Each step has a cost that depends on whether the
-next lanelet follows or is adjacent. Costs are plain numbers, tuned by hand on recorded traffic.
+The module runs a Viterbi search over the lanelets near the sampled positions of a track. Each lanelet has a cost for
+the distance outside it and from its centre line, and for the difference in heading. Each step has a cost that depends
+on whether the next lanelet follows or is adjacent. Costs are plain numbers, tuned by hand on recorded traffic.
 """
 
 import itertools

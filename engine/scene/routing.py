@@ -298,7 +298,7 @@ def _turns(
 
 @dataclass(frozen=True)
 class _Round:
-    """A route's way round a roundabout: its first and last lanelet near it, as indices, and the angle of the turn."""
+    """A route's passage around a roundabout: its first and last lanelet there, as indices, and the turn's angle."""
 
     first: int
     last: int

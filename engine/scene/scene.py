@@ -150,7 +150,7 @@ class Scene:
         return replace(graph, neighbours=neighbours)
 
     def graph_from_inside(self, start: int) -> LaneletGraph:
-        """Return ``driven_graph`` for a vehicle inside a junction, which may change to adjacent lanelets."""
+        """Return ``driven_graph``, extended by lane changes for a vehicle that is inside a junction."""
         outside, graph = self.layout.lane_of, self.lanelet_graph
         inside = {key: graph.neighbours[key] for key in graph.parallel_lanes([start]) if key not in outside}
         return replace(graph, neighbours={**self.driven_graph.neighbours, **inside})
@@ -211,7 +211,7 @@ class Scene:
 
 
 def _last_goal_step(loaded: LoadedScenario) -> int:
-    """Return the last step of any goal, which ends a scenario without moving road users; 0 without a goal."""
+    """Return the last step of any goal, which is the end of a scenario without moving road users; 0 without a goal."""
     problems = loaded.planning_problems.planning_problem_dict.values()
     steps = [getattr(state, "time_step", 0) for problem in problems for state in problem.goal.state_list]
     return max((int(getattr(step, "end", step)) for step in steps), default=0)

@@ -29,7 +29,7 @@ FARTHEST_ASTRAY_M = 4.0
 
 @dataclass(frozen=True)
 class GeneratedVehicle:
-    """A generated vehicle from step 0 on: its class, its motion of the centre, and whether that can be driven."""
+    """A generated vehicle from step 0 on: its class, the motion of its centre, and whether the motion can be driven."""
 
     vehicle_id: str
     vehicle_class: VehicleClass
@@ -170,7 +170,9 @@ def on_wheels(track: Points, along_m: Values, aside_m: Values) -> Points:
 
 
 def _lane_headings(track: Points, along_m: Values, aside_m: Values) -> list[float]:
-    """Return the heading of the lane at each step but the first; if it is unknown, that of the step before."""
+    """Return the heading of the lane at each step but the first; if unknown, repeat the heading of the previous
+    step.
+    """
     moved = np.diff(track, axis=0)
     length, wanted = np.hypot(moved[:, 0], moved[:, 1]), np.hypot(along_m[1:], aside_m[1:])
     shows = (length > MOVED_M) & (length < LARGEST_EXCESS * wanted + LARGEST_EXCESS_M)

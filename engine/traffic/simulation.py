@@ -52,8 +52,8 @@ class RawTrack:
 class DrivingStyle:
     """How all drivers in a simulation drive.
 
-    ``speed_factor``: of all free speeds; ``parameters``: of SUMO's vehicle types, instead of the class's own;
-    ``calibrations``: instead of both, for the classes that they apply to. ``friction``: the road's coefficient of
+    ``speed_factor`` multiplies all free speeds. ``parameters`` replace those of SUMO's vehicle types. ``calibrations``
+    replace the factor and the parameters for the classes that they apply to. ``friction``: the road's coefficient of
     friction, which limits acceleration and braking; None if it is not stated.
     """
 

@@ -249,7 +249,7 @@ class Sumo:
         self._vehicle.moveToXY(key, *hint, *pose, keep, _MATCH_REACH_M)
 
     def takes(self, placing: Callable[[], None], key: str) -> bool:
-        """Place a new vehicle by a function, and return True if SUMO takes it; otherwise it is withdrawn.
+        """Place a new vehicle by calling a function, and return True if SUMO accepts it; otherwise it is withdrawn.
 
         SUMO refuses a route or a type that it cannot use, and a pose too far from every lane of the route that the
         vehicle must keep to.

@@ -120,7 +120,7 @@ def tuning_of(planner: str) -> PlannerTuning:
 
 
 def _declared(declaration: PlannerDeclaration) -> PlannerTuning:
-    """Return the options of a user-supplied planner, all of them its own."""
+    """Return the options that a user-supplied planner declares."""
     defaults = {name: weight.default for name, weight in declaration.weights.items()}
     weights = {
         name: Weight(

@@ -1,9 +1,8 @@
-"""Where a vehicle's centre and rear axle are, and where and how fast a vehicle can be after some time.
-
-The second part gives bounds that a vehicle cannot exceed. A vehicle is assumed to reach its maximum acceleration at
-every speed, forwards and braking, up to its top speed. The extreme motions between two speeds consist of one phase of
-braking and one of accelerating, in either order. CommonRoad's vehicle 2 (11.5 m/s², 50.8 m/s) represents every car.
-Lengths in m, times in s, speeds in m/s, headings in rad.
+"""Computes the positions of a vehicle's centre and rear axle, and bounds on its position and speed after some time. A
+vehicle is assumed to reach its maximum acceleration at every speed, forwards and braking, up to its top speed. The
+extreme motions between two speeds consist of one phase of braking and one of accelerating, in either order.
+CommonRoad's vehicle 2 (11.5 m/s², 50.8 m/s) represents every car. Lengths in m, times in s, speeds in m/s, headings in
+rad.
 """
 
 import math

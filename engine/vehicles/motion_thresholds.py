@@ -1,4 +1,4 @@
-"""Thresholds of motion that decide results, each defined once with its source or reason.
+"""Thresholds of motion that affect results, each defined once with its source or reason.
 
 If a term has two values, there are two constants with different names.
 """

@@ -124,7 +124,7 @@ class Workspace:
         """Keyed by whole rows, which are read each time, so that changes of other servers are visible."""
 
     def limit_room(self, admits: Callable[[int], None]) -> None:
-        """Let ``admits`` approve everything before it is stored, by its size in bytes; it may free space or raise an
+        """Have ``admits`` approve everything before it is stored, by its size in bytes; it may free space or raise an
         error.
         """
         self._admits = admits
@@ -338,7 +338,7 @@ class Workspace:
         return int(row[0] or 0)
 
     def kind_of(self, artifact_id: str, *expected: ArtifactKind) -> ArtifactKind:
-        """Return the kind of an artifact; ``expected``: the kinds that the caller can use, if not all.
+        """Return the kind of an artifact; ``expected``: the kinds that the caller can use, empty to accept all kinds.
 
         Raises:
             UnknownName: No artifact has this id; the error lists the nearest ids of the expected kinds.

@@ -203,7 +203,7 @@ class Database:
         self._opened = _Opened()
 
     def _open(self) -> tuple[sqlite3.Connection, Exception | None]:
-        """Return a read-write connection, or if the disk is full a read-only one and the error."""
+        """Return a read-write connection or, if the disk is full, a read-only connection and the error."""
         try:
             make_private(self.path.parent)
             return _prepared(self.path), None
@@ -347,7 +347,7 @@ def _failure(path: Path, error: Exception) -> ResourceFailure:
 def still_runs(pid: int, since: float) -> bool:
     """Return True if the process ``pid`` that wrote something at ``since`` (in s since 1970) is still running.
 
-    Process ids are reused, so the time counts too. The start time of a process uses the clock at that time. If the
+    Process ids are reused, so the time is compared too. The start time of a process uses the clock at that time. If the
     clock was set back since, the age of the process decides, which is independent of clock changes.
     """
     import psutil

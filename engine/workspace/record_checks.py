@@ -135,7 +135,7 @@ def _names_in_files(folder: Path) -> Iterator[str]:
 
 
 def _own_id(kind: ArtifactKind, record: Model) -> str | None:
-    """Return the id that a record states or that follows from it, or None."""
+    """Return the id that a record states or implies, or None."""
     from ...schemas.planning import PlannerConfiguration
     from ...schemas.scenarios import ScenarioRecord
 

@@ -70,9 +70,10 @@ def edit_of(truth: dict[str, Any]) -> Edit:
 
 
 def drawn_requests(scene: Scene, seed: str, presets: Presets) -> Iterator[tuple[str, list[EditRequest]]]:
-    """Yield for each task the requests to try in turn until the scenario allows one; drawn by a seed.
+    """Yield, for each task, the requests to try in turn until the scenario allows one; the seed determines the
+    requests.
 
-    If there are no requests, the scenario allows none of the task: no vehicle moves in it, or no goal is within reach.
+    If there are no requests, the scenario does not allow the task: no vehicle moves in it, or no goal is within reach.
     """
     draw = np.random.default_rng(zlib.crc32(seed.encode()))
     moving = [key for key, track in scene.tracks.items() if _moves(scene, key) and len(track.positions) > FEWEST_STATES]

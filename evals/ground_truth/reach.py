@@ -45,8 +45,9 @@ def distances_m(
 ) -> dict[int, float]:
     """Return the distance in m from a car to the start of every reachable lanelet, along successors and lane changes.
 
-    It is the shortest from all lanelets under its position (2,) that do not lead against its heading, and negative if
-    the start of one is behind it. Lanelets with curves that the car reaches too fast, even with braking, lead nowhere.
+    Paths begin on all lanelets under its position (2,) that do not lead against its heading; the distance is negative
+    if the lanelet's start is behind the car. No path continues beyond a lanelet with a curve that the car reaches too
+    fast, even if it brakes.
 
     Args:
         speed_mps: its speed; at 0 it takes all curves.
@@ -76,7 +77,7 @@ def distances_m(
 
 
 def lanelets_at_first(network: "LaneletNetwork", track: "Track") -> frozenset[int]:
-    """Return the lanelets at a recording's start: of several on top of each other, those that it stays on longest."""
+    """Return the lanelets at a recording's start; if several overlap, those that it stays on longest."""
     under = [frozenset(map(int, found)) for found in network.find_lanelet_by_position(list(track.positions))]
     stays = {key: sum(key in found for found in under) for key in under[0]}
     return frozenset(key for key, count in stays.items() if count == max(stays.values()))
@@ -87,7 +88,7 @@ def _cheapest(
     begin: Iterable[tuple[float, int]],
     onward: Callable[[float, "Lanelet"], Iterable[tuple[float, int]]],
 ) -> dict[int, float]:
-    """Return the lowest costs of all lanelets that can be reached from the starts with their costs (Dijkstra 1959)."""
+    """Return, by lanelet, the lowest cost of a path from the starts, which have costs of their own (Dijkstra 1959)."""
     best: dict[int, float] = {}
     queue = sorted(begin)
     while queue:
@@ -100,7 +101,7 @@ def _cheapest(
 
 
 def all_after(begin: Iterable[int], following: Callable[[int], Iterable[int]]) -> frozenset[int]:
-    """Return the given lanelets, their successors, the successors of these, and so on."""
+    """Return the given lanelets and all lanelets that can be reached from them through successors."""
     known, queue = set(begin), list(begin)
     while queue:
         more = {int(key) for key in following(queue.pop())} - known
@@ -166,7 +167,7 @@ def places_on(network: "LaneletNetwork", lanelet_id: int, share: float, vehicle_
 
 
 def places_along(network: "LaneletNetwork", position: Points, offset_m: float) -> list[Points]:
-    """Return all points ``offset_m`` ahead of a point (negative: behind), along its lanelets and what follows."""
+    """Return all points ``offset_m`` ahead of a point (negative: behind), along its lanelets and their successors."""
     places: list[Points] = []
     for key in network.find_lanelet_by_position([position])[0]:
         station_m = project(network.find_lanelet_by_id(key).center_vertices, position)[0] + offset_m

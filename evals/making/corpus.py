@@ -63,7 +63,7 @@ def write_corpora(corpora: Mapping[str, Sequence[CorpusLine]], folder: Path, *, 
     """Write corpora as files of JSON lines; return the paths.
 
     Args:
-        whole: all lines in one folder; else in ``dev`` and ``test``, each scenario or map in one of them only.
+        whole: write all lines to one folder, instead of dividing the scenarios and maps between ``dev`` and ``test``.
 
     Raises:
         InvalidRequest: the folder cannot be written.

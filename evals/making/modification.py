@@ -77,7 +77,7 @@ def _together(found: Mapping[str, tuple[Truth, ...]], number: int) -> tuple[Trut
 
 
 def _whole(truth: Truth) -> Truth:
-    """Return a truth with the keys that corpora write out."""
+    """Return an edit's truth with all keys that a corpus has for this edit, including optional keys without a value."""
     given = dict(truth)
     if given["op"] == "reroute":
         given |= {"match": "exact"}
@@ -120,7 +120,7 @@ def modification_lines(
 ) -> Iterator[CorpusLine]:
     """Yield requests: about four fifths are feasible, the rest must be refused or call for a clarifying question.
 
-    Each scenario is in at most two of them, apart from the last, unclear one.
+    Each scenario is in at most two requests, apart from the last, unclear request.
     """
     name = f"modification_{letter}"
     scenarios, styles = draw.sample(materials.scenarios, len(materials.scenarios)), rounds(STYLES, draw)

@@ -66,7 +66,7 @@ _CHAINS = (("param_mod", "batch_sim"), ("batch_sim", "batch_analysis"), ("vehicl
 
 
 def routing_lines(count: int, draw: Draw) -> Iterator[CorpusLine]:
-    """Yield single classes in turn, edits of one letter and of several, and two classes in sequence."""
+    """Yield requests for each class in turn, with edits of one or several letters, and for two classes in sequence."""
     styles = rounds(STYLES, draw)
     kinds = rounds([*_QUESTIONS, "vehicle_mod", "vehicle_mod", "vehicle_mod_composite", "multi_step"], draw)
     drawn = {kind: rounds(texts, draw) for kind, texts in _QUESTIONS.items()}

@@ -26,7 +26,7 @@ class Comparison:
     unpaired: int
 
     def to_text(self, first: str, second: str) -> str:
-        """Return the comparison as text; the rows of flipped requests are those of the side that failed."""
+        """Return the comparison as text; for each flipped request, it shows the row of the side that failed."""
         lines = [
             f"{self.pairs} requests in both" + (f"; {self.unpaired} only in one, left out" if self.unpaired else ""),
             f"{first}: done {rate_text(self.first_done, self.pairs)}",

@@ -40,7 +40,7 @@ def score_conversation(request: EvalRequest, attempt: Attempt, workspace: Path) 
 
 
 def _turn(action: str, turn: EvalTurn, calls: Sequence[MadeCall], world: World, workspace: Path) -> str:
-    """Return an empty text if a turn is correct, otherwise the reason."""
+    """Return an empty string if a turn is correct, otherwise the reason why it is not."""
     if turn.expect in ("refuse", "clarify"):
         made = last_of(calls, *MAKING)
         return "" if made is None else f"{made.tool} created something although a refusal was correct"

@@ -1,8 +1,8 @@
 """The files and stored runs of a workspace, read independently, with the geometry for judging them.
 
 CommonRoad XML of either format is read with lxml; runs, configurations, batches and recipes come from the workspace's
-SQLite file and from ``steps.json``. This module uses nothing from the engine or the tools: it is the other side of the
-comparison. Units are metres, seconds, metres per second and radians unless a name states otherwise.
+SQLite file and from ``steps.json``. This module uses nothing from the engine or the tools, so that the comparison is
+independent. Units are metres, seconds, metres per second and radians unless a name states otherwise.
 """
 
 import json
@@ -80,7 +80,9 @@ class Body:
 
 @dataclass(frozen=True)
 class RoadUser:
-    """An obstacle of a file; ``states`` by step, in order. A body that is not a rectangle counts by its extents."""
+    """An obstacle of a file; ``states`` by step, in order. Circles and polygons are replaced by their bounding
+    rectangles.
+    """
 
     key: int
     kind: str

@@ -37,7 +37,7 @@ SIZES = {
 
 @dataclass(frozen=True)
 class MadeFiles:
-    """A generated scenario: its net, its middle in m in the net and in degrees, its obstacles as (type, length)."""
+    """A generated scenario: its net, its centre in m in the net and in degrees, its obstacles as (type, length)."""
 
     net: SumoNet
     middle: Points
@@ -72,11 +72,11 @@ class MadeFiles:
         )
 
     def near(self, within_m: float) -> list[NetEdge]:
-        """Return the roads of the net within a distance of the scenario's middle."""
+        """Return the roads of the net within a distance of the scenario's centre."""
         return [edge for edge in self.net.edges.values() if not edge.internal and self._distance_m(edge) < within_m]
 
     def is_near(self, point: Points, within_m: float) -> bool:
-        """Return whether a point (2,) is within a distance of the scenario's middle."""
+        """Return whether a point (2,) is within a distance of the scenario's centre."""
         return float(np.linalg.norm(point - self.middle)) < within_m
 
     def _distance_m(self, edge: NetEdge) -> float:
@@ -106,7 +106,7 @@ SAME_ROAD_RAD, SAME_ARM_RAD = math.radians(45.0), math.radians(15.0)
 
 
 def shows_type(made: MadeFiles, kind: str, evidence: MapEvidence) -> bool:
-    """Return whether the roads at the centre match the site type; the map file tells urban from rural."""
+    """Return whether the roads at the centre match the site type; the map file distinguishes urban from rural."""
     judges: dict[str, Callable[[], bool]] = {
         "roundabout": lambda: _shows_roundabout(made),
         "signalised_intersection": lambda: _crossing(made, lit=True),
@@ -132,7 +132,7 @@ def _any_class(made: MadeFiles, classes: frozenset[str], within_m: float) -> boo
 
 
 def _near_a_road(made: MadeFiles) -> bool:
-    """Return whether a road other than motorways and links, but no motorway, is near the scenario's middle."""
+    """Return whether an ordinary road, but no motorway, is near the scenario's centre; links do not count."""
     roads = [edge for edge in made.near(NEARBY_M) if not _is_link(edge)]
     return bool(roads) and not any("motorway" in _classes(edge) for edge in roads)
 
@@ -154,7 +154,9 @@ def _rural(made: MadeFiles, evidence: MapEvidence) -> bool:
 
 
 def _highway(made: MadeFiles, evidence: MapEvidence) -> bool:
-    """Return whether a motorway is at the scenario's middle; without motorways on the map, a fast trunk road counts."""
+    """Return whether there is a motorway at the scenario's centre; on a map without motorways, a fast trunk road
+    counts.
+    """
     limits = evidence.limits_kmh(made.latitude, made.longitude, AT_M)
     trunk = _is_trunk_for_motorway(evidence) and max(limits, default=0.0) >= FAST_KMH
     return _any_class(made, FAST_CLASSES if trunk else frozenset({"motorway"}), AT_M)
@@ -165,7 +167,7 @@ def _is_trunk_for_motorway(evidence: MapEvidence) -> bool:
 
 
 def _ramp(made: MadeFiles, evidence: MapEvidence) -> bool:
-    """Return whether a link leaves or joins a motorway (or else a trunk road) at the scenario's middle.
+    """Return whether a link leaves or joins a motorway (or else a trunk road) at the scenario's centre.
 
     If a motorway becomes a trunk road at the junction of the link, the link may lead to the trunk road.
     """
@@ -185,7 +187,7 @@ def _ramp(made: MadeFiles, evidence: MapEvidence) -> bool:
 
 
 def _crossing(made: MadeFiles, *, lit: bool) -> bool:
-    """Return whether a junction of three arms is at the scenario's middle, with lights if required."""
+    """Return whether there is a junction with at least three arms at the scenario's centre, with lights if required."""
     junctions = {
         junction
         for edge in made.near(JUNCTION_M)
@@ -199,7 +201,7 @@ def _crossing(made: MadeFiles, *, lit: bool) -> bool:
 def _arms(net: SumoNet, junction: str) -> int:
     """Count the directions of roads around a junction, without links; 0 if all are motorways or trunk roads.
 
-    The carriageways of a road are one arm: they have one name and about one direction.
+    The carriageways of a road are one arm: they share a name and roughly a direction.
     """
     arms: list[tuple[str, float]] = []
     fast: list[bool] = []
@@ -243,7 +245,7 @@ SIDES_APART_M = 12.0
 
 
 def _shows_roundabout(made: MadeFiles) -> bool:
-    """Return whether a one-way ring with at least two entries surrounds the scenario's middle or is close to it.
+    """Return whether a one-way ring with at least two entries surrounds the scenario's centre or is close to it.
 
     Traffic on it must circulate in the correct direction: counter-clockwise in right-hand traffic.
     """
@@ -316,7 +318,7 @@ _STATED = "density missed"
 
 @dataclass(frozen=True)
 class DensityVerdict:
-    """Vehicles per kilometre of lane at the start, including the ego; ``stated``: the answer admits a miss."""
+    """Vehicles per kilometre of lane at the start, including the ego; ``stated``: whether the answer admits a miss."""
 
     target: float
     found: float
@@ -349,7 +351,7 @@ STREET_WITHIN_M, EXIT_WITHIN_M = 100.0, 200.0
 
 
 def is_in_box(made: MadeFiles, box: Sequence[float], slack: float) -> bool:
-    """Return whether the site's middle is at most ``slack`` outside a box (south, west, north, east); in degrees."""
+    """Return whether the site's centre is at most ``slack`` outside a box (south, west, north, east); in degrees."""
     south, west, north, east = box
     inside = south - slack <= made.latitude <= north + slack
     return inside and west - slack <= made.longitude <= east + slack

@@ -77,7 +77,7 @@ def _edits(call: MadeCall) -> Sequence[Mapping[str, Any]]:
 
 
 def _class(call: MadeCall) -> str:
-    """Return the class of a call; a query that precedes other work has no class of its own."""
+    """Return the class of a call; a query that only prepares other work has no class of its own."""
     if call.tool == "modify_scenario":
         return "vehicle_mod"
     if call.tool == "configure_planner":

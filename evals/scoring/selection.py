@@ -22,7 +22,7 @@ _NO_SEARCH: Mapping[str, bool | None] = {"sat_any5": False, "sat_top1": False, "
 
 
 def score_selection(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
-    """Score the last search, against the ids that satisfy every slot."""
+    """Score the last search by comparing its results with the ids that satisfy every slot."""
     search = last_of(attempt.calls, "find_scenarios")
     if search is None:
         return scored(request, _NO_SEARCH, ["no search was carried out"])

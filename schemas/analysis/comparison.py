@@ -116,7 +116,10 @@ class PairedRun(Model):
 
 
 class Flip(Model):
-    """A scenario in which only one side succeeded; ``why`` says who hit whom in a collision, and what prevents it."""
+    """A scenario in which only one side succeeded.
+
+    ``why`` says who hit whom in a collision and what would prevent it.
+    """
 
     scenario_id: str
     before: Outcome = Field(description="outcome of the baseline's run")
@@ -139,7 +142,7 @@ class WeightChange(Model):
 class SuccessTest(Model):
     """The pairs by success, and the paired difference in success rates with its 95% interval and exact p value.
 
-    The scenario is the unit: pairs of one scenario count only by their difference (docs/statistics.md). If no
+    The scenario is the unit: the pairs of one scenario together count as one difference (docs/statistics.md). If no
     difference is shown, ``needed`` is the number of scenarios that would show one of ten points.
     """
 
@@ -161,7 +164,7 @@ class SuccessTest(Model):
 
     @property
     def excludes_zero_alone(self) -> bool:
-        """Whether the interval excludes 0 although the test, adjusted for all tests, shows nothing."""
+        """Whether the interval excludes 0 although the adjusted test shows no difference."""
         if self.low is None or self.high is None or self.low <= 0 <= self.high:
             return False
         return self.p_holm is None or self.p_holm >= SIGNIFICANCE_LEVEL

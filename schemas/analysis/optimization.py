@@ -97,7 +97,7 @@ class EffectsRequest(Model):
     """The objective at each point of a design, in order.
 
     ``scores`` holds the objective of each scenario at each point, None if absent. ``units`` maps each scenario to the
-    original scenario that it counts for. If ``units`` is empty, the scenarios are not tested.
+    original scenario that it belongs to. If ``units`` is empty, the scenarios are not tested.
     """
 
     design: DesignRequest
@@ -133,13 +133,13 @@ class Effects(Model):
 
 
 class GainRequest(Model):
-    """Differences of an objective on held-out scenarios, each with the scenario that it counts for."""
+    """Differences of an objective on held-out scenarios, each with the original scenario that it belongs to."""
 
     differences: tuple[tuple[str, float], ...]
 
 
 class Gain(Model):
-    """The mean difference over scenarios with its 95% interval; without spread, its two ends equal the mean."""
+    """The mean difference over scenarios with its 95% interval, which has no width if all differences are equal."""
 
     difference: float = Field(description="mean of after − before, in the objective's unit")
     low: float = Field(description="lower end of its 95% interval")
@@ -173,7 +173,9 @@ class ChangeShare(Model):
 
 
 class HeldOut(Model):
-    """The only evaluation on unseen scenarios: base against found configuration, tested as in compare_results."""
+    """The only evaluation on unseen scenarios: the found configuration compared with the base, by the tests of
+    compare_results.
+    """
 
     batch_id: str = Field(description="id of the batch of the held-out runs")
     scenarios: int = Field(description="held-out scenarios compared")

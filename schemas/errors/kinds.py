@@ -41,7 +41,7 @@ class PlannerForgeError(Exception):
         remedies: ways to correct the call, the most useful first; the server writes the first applicable one as a call.
             By default they come from ``valid``: names that a quoted word may misspell (``names_valid``), and fields
             with values, as in ``lane=left``.
-        complete: whether ``valid`` lists everything that would be accepted, or its form, so no call lists more.
+        complete: whether ``valid`` lists all valid values, or states their form, so that no call can list more.
     """
 
     code: ClassVar[str] = "error"

@@ -217,7 +217,7 @@ class FetchedMaps(Model):
 class IndexExtractRequest(Model):
     """An extract in OpenStreetMap's binary format, to be split into tiles.
 
-    ``folder`` keeps finished parts if the work stops, and the same request resumes there.
+    ``folder`` keeps finished parts if the work stops, so that the same request can resume.
     """
 
     path: str
@@ -283,8 +283,8 @@ class CoverageRequest(Model):
     """The progress of a coverage plan, and a request for its next ``most`` rows.
 
     ``strength`` is the number of factors in a combination. ``barred`` are combinations of any size that no map has.
-    ``covered`` are finished combinations. ``refused`` counts refusals by combination. ``lap`` is how often
-    everything has already been covered; further rows are varied by it.
+    ``covered`` are finished combinations. ``refused`` counts refusals by combination. ``lap`` is the number of times
+    that everything has already been covered; it varies further rows.
     """
 
     factors: tuple[PlanFactor, ...]
@@ -611,8 +611,9 @@ class PlanSummary(Model):
     """The progress of a coverage plan.
 
     ``asked`` is the requested number of scenarios, or None for as many as the combinations need. ``made`` counts the
-    plan's scenarios, including ``reused`` older scenarios. Of the combinations ``allowed`` by the maps, ``covered``
-    have a scenario. ``left`` and ``cannot`` list the first open and the first impossible combinations.
+    plan's scenarios, including ``reused`` older scenarios. ``allowed`` counts the combinations that the maps allow, and
+    ``covered`` counts those with a scenario. ``left`` and ``cannot`` list the first open and the first impossible
+    combinations.
     """
 
     plan_id: str

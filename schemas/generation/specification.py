@@ -50,9 +50,10 @@ SHARES_SOURCE = "carmakers' association ACEA, Vehicles in use in Europe, 2019"
 class VehicleDemand(Model):
     """The number of vehicles of a class, in addition to the ego.
 
-    ``least`` is also the target, except for cars, which fill up the traffic. ``most`` is None if there is no upper
-    bound. ``share`` is a share of all vehicles in [0, 1], and gives at least one vehicle. If there is neither a number
-    nor a share, the class gets a fifth of the traffic, as before shares existed. A recipe omits a share of None.
+    ``least`` is also the target, except for cars, which make up the rest of the traffic. ``most`` is None if there is
+    no upper bound. ``share`` is a share of all vehicles in [0, 1], and gives at least one vehicle. If there is neither
+    a number nor a share, the class gets a fifth of the traffic, as before shares existed. A recipe omits a share of
+    None.
     """
 
     vehicle_class: str
@@ -143,7 +144,7 @@ class TrafficConditions(Model):
 
     @property
     def calibrations(self) -> tuple[str, ...]:
-        """The names in ``drivers``. A preset is its only name."""
+        """The names in ``drivers``: a single preset, or one or more calibrations."""
         return tuple(self.drivers.split("+")) if self.drivers else ()
 
 

@@ -59,7 +59,7 @@ def read_arguments(model: type[_Arguments], given: Mapping[str, Any], notes: lis
 
 @dataclass(frozen=True)
 class _Oversize:
-    """The problem with an oversized value, the limit, and the remedy."""
+    """A problem with the size of a value: what is too large, the limit, and the remedy."""
 
     what: str
     valid: str
@@ -85,7 +85,7 @@ def _refuse_oversized(model: type[BaseModel], given: Mapping[str, Any]) -> None:
 
 
 def _oversizes(value: Any, longest: int, depth: int = 0) -> Iterator[_Oversize | None]:
-    """Yield for each value within ``value`` its size problem, or None; lazily, from outside in."""
+    """Yield one entry for each value within ``value``, outermost first: its size problem, or None if it has none."""
     if isinstance(value, str):
         if len(value) > longest:
             yield _Oversize(f"a text of {len(value):,} characters", f"at most {longest:,} characters", "shorten it")
@@ -205,7 +205,7 @@ def _correct_fault(model: type[BaseModel], detail: ErrorDetails, values: Any) ->
 
 
 def _nearest_bound(detail: ErrorDetails) -> Any:
-    """Return the bound that a number or a list's length violates (for a list, its allowed part), or None."""
+    """Return the bound that a number violates, or the allowed part of a list; None for any other fault."""
     limits = detail.get("ctx", {})
     if detail["type"] in ("greater_than_equal", "less_than_equal"):
         bound = limits["ge"] if "ge" in limits else limits["le"]
@@ -224,7 +224,7 @@ def _usual_value(model: type[BaseModel], location: tuple[int | str, ...]) -> Any
 
 
 def _without(model: type[BaseModel], location: tuple[int | str, ...], values: Any) -> bool:
-    """Remove the field with an invalid value, or set its usual value; return whether that is allowed."""
+    """Remove a field with an invalid value, or reset it to its usual value; return whether the model allows that."""
     named = max((index for index, part in enumerate(location) if isinstance(part, str)), default=-1)
     if named < 0:
         return False
@@ -244,6 +244,6 @@ def _without(model: type[BaseModel], location: tuple[int | str, ...], values: An
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:
-    """Return the single valid name with similar spelling, or an empty text."""
+    """Return the single valid name with similar spelling, or an empty string."""
     found = get_close_matches(name.lower(), list(known), n=2, cutoff=_ALIKE)
     return found[0] if found else ""

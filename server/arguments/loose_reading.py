@@ -153,7 +153,9 @@ def _number(text: str, path: str) -> Any:
 
 
 def _is_same(read: Any, value: Any) -> bool:
-    """Return whether a value was used unchanged: objects in lists have their own notes."""
+    """Return whether a value was used unchanged; lists of objects always count as unchanged, since objects have
+    notes.
+    """
     if isinstance(read, list) and isinstance(value, list) and any(isinstance(one, dict) for one in read):
         return all(isinstance(one, dict) for one in value)
     return type(read) is type(value) and read == value

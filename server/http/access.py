@@ -225,7 +225,7 @@ class _IssuerKeys:
         self._fetched_at = float("-inf")
 
     def key(self, key_id: str) -> jwt.PyJWK:
-        """Return the key with this id, or the only one if a token has no key id.
+        """Return the key with this id; if a token has no key id, return the only key.
 
         Raises:
             jwt.PyJWTError: there is no such key, or the keys are invalid.

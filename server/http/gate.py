@@ -230,7 +230,7 @@ def _declared_bytes(headers: Headers) -> float:
 
 
 def _replayed(body: bytes, receive: Receive) -> Receive:
-    """Return a channel that yields the received body, and then what comes after it."""
+    """Return a channel that first yields a body that was already received, and then everything after it."""
     waiting = [body]
 
     async def receive_again() -> Message:

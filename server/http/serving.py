@@ -1,4 +1,4 @@
-"""``plannerforge serve --http``: MCP at ``/mcp``, with ``/health`` and ``/ready``, and a stop that loses nothing.
+"""``plannerforge serve --http``: MCP at ``/mcp``, with ``/health`` and ``/ready``, and a shutdown that loses nothing.
 
 ``plannerforge ui`` serves the same together with the pages of the workspace, on this machine only.
 """
@@ -281,7 +281,7 @@ def _is_loopback(host: str) -> bool:
 
 
 class _Uvicorn(uvicorn.Server):
-    """Uvicorn with a stop that waits for calls in progress; a second signal does not wait."""
+    """Uvicorn with a shutdown that waits for calls in progress; a second signal ends the wait."""
 
     def __init__(self, config: uvicorn.Config, gate: Gate, patience_s: float) -> None:
         super().__init__(config)

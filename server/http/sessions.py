@@ -1,8 +1,8 @@
 """Sessions of the protocol revisions that have them, limited per token.
 
 A client of these revisions begins with ``initialize`` and gets a session, which it rarely ends. Each token has its own
-limit, so that no token takes another's room. A client that exceeds it ends its session that has been idle longest. If
-all of them have requests in progress, the client must try again later.
+limit, so that no token uses up the sessions of another. If a client exceeds the limit, its session that has been idle
+longest ends. If all of them have requests in progress, the client must try again later.
 """
 
 import time
@@ -73,7 +73,9 @@ class BoundedSessions:
             session.used_at = time.monotonic()
 
     def _noting(self, owner: str, send: Send, session_id: str | None) -> Send:
-        """Return a channel that records the session that an answer begins, or reports as gone."""
+        """Return a channel that records the session if a response starts one, and forgets it if a response says it is
+        gone.
+        """
 
         async def noting(message: Message) -> None:
             if message["type"] == "http.response.start":

@@ -65,7 +65,7 @@ class EndedCall:
     Args:
         outcome: ``ok``, the code of the error, ``asks`` (the client must answer a question first), ``protocol`` (the
             call violated the protocol) or ``cancelled``.
-        duration_s: measured from the moment when it was the call's turn.
+        duration_s: measured from the start of the call's turn.
     """
 
     names: CallNames

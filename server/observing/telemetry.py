@@ -105,9 +105,10 @@ class Telemetry:
         return cls(traces, metrics)
 
     def close(self) -> None:
-        """Send the rest, and stop; block for at most a second, whether or not the collector answers.
+        """Send the remaining data and shut down, within a second, even if the collector does not answer.
 
-        The SDK's own shutdown retries and waits as usual, for traces first: seven seconds if a collector hangs.
+        The SDK's own shutdown retries and waits for the traces first, and then for the metrics: seven seconds if a
+        collector hangs.
         """
         ends = [threading.Thread(target=each.shutdown, daemon=True) for each in (self._traces, self._metrics)]
         for end in ends:

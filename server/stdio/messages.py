@@ -46,7 +46,7 @@ class Outgoing(Protocol):
 
 
 class ReadableMessages:
-    """The readable messages of a stream; for the others, the sender gets an error.
+    """The readable messages of a stream; the sender of any other message gets an error.
 
     An error needs the id of the request. If there is no id, or if it was not a request, a line is logged.
     """
@@ -70,7 +70,7 @@ class ReadableMessages:
 
     @property
     def last_context(self) -> Any:
-        """The context of the sender of the last message, which the SDK needs."""
+        """The context of the last message's sender, which the SDK needs."""
         return getattr(self._incoming, "last_context", None)
 
     def __aiter__(self) -> "ReadableMessages":

@@ -54,7 +54,7 @@ class _ThreadedFile:
         await self._thread.run(self._file.flush)
 
     def end(self) -> None:
-        """End the thread; one that still reads ends with the process."""
+        """End the thread; a thread that is still reading ends with the process."""
         self._thread.end()
 
 

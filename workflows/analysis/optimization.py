@@ -89,7 +89,7 @@ class _Trial:
 
 @dataclass(frozen=True)
 class _Plan:
-    """A study's resolved arguments, and the scenarios of the two parts, in running order."""
+    """A study's resolved arguments, and the scenarios of its two parts in the order in which they run."""
 
     arguments: OptimizePlannerArguments
     base: PlannerConfiguration
@@ -287,14 +287,14 @@ class _Search:
         store_configuration(self.context, configuration, None if configuration.config_id == base_id else searched)
 
     def is_within(self, trial: _Trial) -> bool:
-        """Return whether a trial keeps the constraints, relative to the base on the same scenarios."""
+        """Return whether a trial satisfies the constraints, relative to the base on the same scenarios."""
         base = [run for run in self.trials[0].runs[: len(trial.runs)] if run is not None and run.outcome != "invalid"]
         return all(one.holds(trial.valid, base) for one in self.plan.constraints)
 
     def best(self) -> _Trial:
         """The complete trial within the constraints with the highest summed objectives.
 
-        Of equal trials, the first counts, so the base stays if nothing is better.
+        If trials are equal, the first one wins, so the base stays unless another trial is better.
         """
         whole = [trial for trial in self.trials if not trial.is_pruned and self.is_within(trial)]
         return max(whole or self.trials[:1], key=lambda trial: (sum(self.plan.values(trial.valid)), -trial.number))
@@ -365,7 +365,7 @@ class _Search:
         """Return the best configuration without useless changes, the gain of each other change, and a note.
 
         The changes are reverted one after the other (backward elimination). A change without a gain in training stays
-        reverted. The budget for the held-out half is kept. The note counts changes that could not be tried.
+        reverted. Enough budget remains for the held-out half. The note counts changes that could not be tried.
         """
         shares = list[ChangeShare]()
         changes = differences(self.plan.base, best.configuration)

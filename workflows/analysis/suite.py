@@ -68,7 +68,7 @@ async def carry_out(suite: Suite, folder: Path, context: WorkflowContext, report
         report: receives the progress.
 
     Raises:
-        PlannerForgeError: a scenario, configuration or baseline is missing; nothing has run by then.
+        PlannerForgeError: a scenario, configuration or baseline is missing; no run has started.
     """
     limits = limits_of(suite)
     report(0, 0, "looking up scenarios and configurations")

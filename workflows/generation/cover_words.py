@@ -56,7 +56,7 @@ def read_cover(texts: Sequence[str]) -> tuple[tuple[PlanFactor, ...], int]:
     """Return the factors of a plan, and the number of factors in a combination.
 
     Raises:
-        InvalidRequest: a line is unreadable, a level is unknown, or there is more than a plan allows.
+        InvalidRequest: a line is unreadable, a level is unknown, or the plan is too large.
         UnknownName: there is no such factor.
     """
     factors: list[PlanFactor] = []

@@ -1,8 +1,8 @@
 """Generate many scenarios for a coverage plan: combinations of site types, densities, classes and turns.
 
 A plan is a job that any server on the workspace can resume. Its rows are stored in the database before they are
-generated, with the result of each. Scenarios of the workspace count from the start, as do those of an earlier call with
-the same ``cover``, whatever its ``count``.
+generated, with the result of each. Existing scenarios in the workspace count too, including those of an earlier call
+with the same ``cover``, whatever its ``count``.
 """
 
 import logging
@@ -77,7 +77,7 @@ class Spot:
         Args:
             turns: the number of turns taken, by the words for sites; updated here.
             levels: the levels of the row.
-            hopeless: what no row needs to try again.
+            hopeless: levels that have failed on a map and need no further attempts.
             seed: the seed of the plan.
         """
         unfit = {
@@ -237,7 +237,7 @@ class _PlanWork:
         return True
 
     def _placed(self, rows: Sequence[tuple[int, ...]], spots: Mapping[str, Spot], lap: int) -> Iterator[PlanRow]:
-        """Yield rows with a map and a site each: the next site of their group."""
+        """Yield the rows, each with a map and a site: the next site of the row's group."""
         turns, number, hopeless = self._rows.turns(), self._rows.next_number(), self._rows.hopeless(TRIES)
         saying = list(next(self._plan.of_spot()))
         for levels in rows:

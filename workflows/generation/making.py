@@ -41,8 +41,8 @@ async def make_scenario(
 ) -> ScenarioSummary:
     """Return one scenario: the stored scenario with the same recipe, otherwise a new one.
 
-    Of a million scenarios, a few dozen would get the id of another scenario. These scenarios are generated again, with
-    other digits of their digests in the ids.
+    Among a million scenarios, a few dozen get an id that another scenario has. These scenarios are generated again,
+    with other digits of their digests in the ids.
 
     Raises:
         NotPossible: it cannot be generated, or another scenario has both of its ids.
@@ -173,7 +173,7 @@ _RECORDED = (
 
 
 def recipe_of(request: GenerationRequest) -> Recipe:
-    """Return the request without paths as a recipe; the map counts by its content."""
+    """Return the request without paths as a recipe, which identifies the map by its content."""
     dumped = request.model_dump(mode="json")
     arguments = {name: dumped[name] for name in _RECORDED if name in dumped}
     arguments["map_content"] = content_digest(Path(request.map_path))

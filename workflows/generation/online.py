@@ -19,7 +19,7 @@ _LOCATED, _FETCHED = 0.1, 0.3
 
 
 async def find_place(context: WorkflowContext, words: str, country: str | None) -> NamedPlace:
-    """Return the place for the words; of several, the one that the user chooses.
+    """Return the place for the words; if there are several, the user chooses one.
 
     Raises:
         UnknownName: there is no such place.

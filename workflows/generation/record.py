@@ -29,7 +29,7 @@ def verdicts(checks: Checks) -> tuple[list[str], list[str]]:
 
 
 def kept_report(artifact: Artifact, context: WorkflowContext) -> GeneratedScenario | None:
-    """Return the report of a scenario's generation; None for scenarios of other origin."""
+    """Return the report of a scenario's generation; None for a scenario that was not generated."""
     path = context.workspace.folder("scenario", artifact.artifact_id) / REPORT
     return GeneratedScenario.model_validate_json(path.read_bytes()) if path.is_file() else None
 
@@ -77,7 +77,7 @@ def _conditions(artifact: Artifact) -> tuple[str, ...]:
 
 
 def _flows(flows: Sequence[RoadFlow]) -> str:
-    """Return counted flows in the notation of a call; of many, the first few and the number of the rest."""
+    """Return counted flows in the notation of a call; if there are many, the first few and the number of the rest."""
     written = [
         ":".join(filter(None, (f"{flow.road}>{flow.to}" if flow.to else flow.road, f"{flow.per_h:g}", flow.direction)))
         for flow in flows[:_SHOWN_FLOWS]

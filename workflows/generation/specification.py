@@ -491,7 +491,7 @@ def _vehicle_demand(text: str) -> VehicleDemand:
 
 
 def _bare_demand(name: str) -> VehicleDemand:
-    """Return a class without a number: its natural share of traffic. Cars fill up the traffic anyway."""
+    """Return a class without a number: its natural share of traffic. Cars make up the rest of the traffic anyway."""
     return VehicleDemand(vehicle_class=name, share=None if name == "car" else NATURAL_SHARES.get(name, 0.0))
 
 

@@ -131,7 +131,7 @@ def _anywhere(request: CutExtractRequest, store: TileStore) -> _Target | None:
 
 
 def _sites_in(box: Box | None, request: CutExtractRequest, store: TileStore) -> list[Position]:
-    """Return the sites of the type in a box and the request's box, or those of any type if there are none."""
+    """Return the sites of the type in both a box and the request's box, or sites of any type if there are none."""
     boxes = [each for each in (box, request.bbox) if each is not None]
     tiles = None if not boxes else tiles_in(boxes[0])
     for kind in dict.fromkeys((request.scenario_type, "any")):
@@ -148,7 +148,7 @@ def _at_roads(
 
     If possible, a site of the type is nearby.
 
-    The search covers tiles outwards from the centre of the place, or from one that the seed chooses.
+    The search covers tiles outwards from the centre of the place, or from a tile that the seed chooses.
     """
     box = request.bbox if area is None else _square((area.latitude, area.longitude), 2 * (area.radius_m + NEAR_PLACE_M))
     tiles = _with_all_roads(roads, box, store)
@@ -175,7 +175,9 @@ def _at_roads(
 
 
 def _spots(roads: Sequence[str], tile: int, box: Box | None, store: TileStore) -> list[Position]:
-    """Return the positions where the roads meet in a tile and a box; all their nodes if one road or no meeting."""
+    """Return the positions in a tile and a box at which the roads meet; all their nodes if there is one road or no
+    meeting.
+    """
     inside = box_of_tile(tile)
     osm = store.read(inside)
     lines = [_nodes_of(road, osm) for road in roads]

@@ -151,7 +151,7 @@ class TileStore:
     # Progress
 
     def state(self, name: str) -> str:
-        """Return a stored note on the work, or an empty text if there is none."""
+        """Return a stored note on the work, or an empty string if there is none."""
         row = self._database.execute("SELECT value FROM state WHERE name = ?", (name,)).fetchone()
         return "" if row is None else str(row[0])
 
@@ -161,7 +161,7 @@ class TileStore:
         self._database.commit()
 
     def keep(self) -> None:
-        """Commit what was written; otherwise the log of changes would contain all of it a second time."""
+        """Commit what was written; otherwise the log of changes would grow to contain all of it a second time."""
         self._database.commit()
 
     def is_sound(self) -> bool:
@@ -429,7 +429,7 @@ def _way_body(way: OsmWay, places: Sequence[tuple[int, int]]) -> bytes:
 
 
 def _packed(rows: Iterable[tuple[int, int, bytes]]) -> tuple[int, bytes]:
-    """Return the number of nodes and the arrays of a tile; of elements with the same id, the last one counts."""
+    """Return the number of nodes and the arrays of a tile; if elements share an id, the last one is kept."""
     places: dict[int, tuple[int, int]] = {}
     node_tags: dict[int, dict[str, str]] = {}
     ways: dict[int, tuple[NDArray[np.int64], dict[str, str]]] = {}

@@ -290,7 +290,9 @@ def _area(ring: Points) -> float:
 
 
 def _level(left: Points, right: Points) -> tuple[Points, Points]:
-    """Return the two bounds with the same number of points: each keeps its own and adds one per point of the other."""
+    """Return the two bounds with equally many points: each keeps its points and gets one for each point of the
+    other.
+    """
     shares = [arc_length(line) / arc_length(line)[-1] for line in (left, right)]
     every = np.unique(np.concatenate(shares))
     kept = every[np.concatenate([[True], np.diff(every) > 1e-9])]

@@ -89,7 +89,7 @@ def convert_opendrive(source: Path, target: Path, scratch: Path) -> tuple[str, .
 
 
 def _frictions(root: etree._Element) -> frozenset[float | None]:
-    """Return the friction coefficients of lanes for vehicles; None for a lane with an impossible or missing value."""
+    """Return the friction coefficients of lanes for vehicles; None for a lane without a valid coefficient."""
     lanes = [lane for lane in root.iter("lane") if lane.get("type") in DRIVEN]
     stated = {one.get("friction") for lane in lanes for one in lane.iterfind("material")}
     stated |= {None for lane in lanes if lane.find("material") is None}

@@ -173,7 +173,7 @@ def beginning(word: str) -> str:
 def _is_other_form(one: str, other: str) -> bool:
     """Return whether two words are equal, or differ only in at most ``_LONGEST_ENDING`` last letters.
 
-    More letters than differ must be common, or the whole of a short word (``út``: ``úton``).
+    The two words must share more letters than they differ in, or share the whole of a short word (``út``: ``úton``).
     """
     common = next((index for index, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), None)
     common = min(len(one), len(other)) if common is None else common
@@ -182,7 +182,7 @@ def _is_other_form(one: str, other: str) -> bool:
 
 
 def _shortens(short: str, word: str) -> bool:
-    """Return whether letters are an initial or contraction of a word, no longer than usual for abbreviations."""
+    """Return whether letters are an initial or a contraction of a word, and short enough for an abbreviation."""
     letters = iter(word)
     is_short = len(short) <= _LONGEST_SHORT and not _ROMAN.fullmatch(word)
     return is_short and short[0] == word[0] and all(letter in letters for letter in short)
@@ -197,7 +197,7 @@ def _significant_words(name: str) -> tuple[str, ...]:
 
 
 def is_long_enough(typed: str) -> bool:
-    """Return whether the typed text is long enough for the beginning of a name, in its own script or in Latin.
+    """Return whether a typed text is long enough to identify a name by its beginning, in its own script or in Latin.
 
     One Chinese character is several Latin letters. Arabic and Hebrew write no vowels, so hardly any letters remain.
     """
@@ -205,7 +205,7 @@ def is_long_enough(typed: str) -> bool:
 
 
 def is_half_of(typed: str, name: str) -> bool:
-    """Return whether a name has all words that were typed; the last one may be incomplete."""
+    """Return whether a name contains all words of the typed text, of which the last may be incomplete."""
     words, held = words_of_name(typed), words_of_name(name)
     if not words or not is_long_enough(typed):
         return False
@@ -220,7 +220,7 @@ def _scripts(text: str) -> frozenset[str]:
 
 @lru_cache(maxsize=MOST_KEPT)
 def _tellings(name: str) -> frozenset[str]:
-    """Return the distinctive part of a name, joined: its words without kind and direction, in each of its readings."""
+    """Return the texts that distinguish a name: for each reading, its words without kind and direction, joined."""
     readings = {distinctive(reading) or reading for reading in road_readings(name)}
     ordered = words_of_name(name)
     joined = {"".join(word for word in ordered if word in reading) for reading in readings}

@@ -109,7 +109,7 @@ def discs_of_settlements(bounds: tuple[float, float, float, float]) -> tuple[tup
 
 
 def country_of_nearest(position: tuple[float, float], countries: Iterable[str]) -> str | None:
-    """Return the country, of those given (ISO 3166-1 alpha-3), with settlements by far nearest to a position.
+    """Return which of the given countries (ISO 3166-1 alpha-3) has by far the nearest settlements to a position.
 
     The nearest settlements of the others must be more than ``_DOUBT`` times as far away. The result is None if they
     are not, or if no country has a settlement within ``_MOST_REACH_DEG``.

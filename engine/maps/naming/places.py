@@ -107,7 +107,7 @@ _SHORTEST_NAME, _MOST_MISSPELT = 4, 2
 def country_name(code: str) -> str:
     """Return the English name of a country by its ISO 3166-1 alpha-3 code, or the code itself if no country has it.
 
-    ISO's inverted names (``Moldova, Republic of``) are shortened unless two countries share the beginning.
+    ISO's inverted names (``Moldova, Republic of``) are shortened unless two countries have the same short name.
     """
     from iso3166 import countries, countries_by_alpha3
 

@@ -82,9 +82,10 @@ def places_shown(osm: OsmMap) -> list[str]:
     """Return the names of the places on a map, most important first, each once.
 
     Importance is decided by the kind of place, then by its inhabitants, then by its area. A settlement known only from
-    addresses, or shown only as a part of another one, has the importance that GeoNames gives it. If it is too far away
+    addresses, or mapped only as a part of another one, has the importance that GeoNames gives it. If it is too far away
     for the map to be in it, the settlements on the map come first. Parts of settlements in addresses and administrative
-    areas follow. A map that shows only parts of a settlement is called by the one that GeoNames has around it.
+    areas follow. A map that contains only parts of a settlement gets the name of the settlement that GeoNames has
+    around it.
     """
     outlines = _outlines(osm)
     middle = (osm.bounds[0] + osm.bounds[2]) / 2, (osm.bounds[1] + osm.bounds[3]) / 2
@@ -171,8 +172,8 @@ def _districts(osm: OsmMap) -> list[str]:
 def _outlines(osm: OsmMap) -> list[_Outline]:
     """Return the places of a map: points and outlines in the order of the file.
 
-    An outline that crosses the edge of the extract is open, because the nodes beyond the edge are missing. It counts,
-    too.
+    An outline that crosses the edge of the extract is open, because the nodes beyond the edge are missing. It is
+    included, too.
     """
     found: list[tuple[Mapping[str, str], Position, float | None]] = []
     found += [(node.tags, node.position, None) for node in osm.nodes.values() if node.tags.get("place") in PLACE_KINDS]

@@ -153,7 +153,7 @@ class _Area:
 
     @property
     def _hinted(self) -> bool:
-        """Whether the requested road is unknown to Nominatim in the requested settlement."""
+        """Whether only the map, not Nominatim, can resolve the requested road in the requested settlement."""
         return self._place is not None and self._place.is_settlement and bool(self._place.roads)
 
     def _whole(self) -> Box:
@@ -282,7 +282,7 @@ def box_text(box: Box) -> str:
 
 
 def widened(box: Box, by_m: float) -> Box:
-    """Return a box extended by so many metres on each side, on the globe."""
+    """Return a box extended by a number of metres on each side, on the globe."""
     south, west, north, east = box
     up = by_m / _METRES_A_DEGREE
     aside = up / max(math.cos(math.radians((south + north) / 2)), 0.05)

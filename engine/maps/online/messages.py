@@ -42,7 +42,7 @@ _SHOWN = 120
 
 
 class _Centre(TypedDict):
-    """The middle of a way or relation, in degrees."""
+    """The centre of a way or relation, in degrees."""
 
     lat: _Latitude
     lon: _Longitude

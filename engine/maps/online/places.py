@@ -130,7 +130,7 @@ class _Search:
         return crossings or (found[0] if town else [])
 
     def within(self, roads: Sequence[str], town: str) -> list[NamedPlace]:
-        """Return the settlements of a name, with the roads, which Nominatim does not know but the map may have."""
+        """Return the settlements of a name with the roads, which the map may have although Nominatim does not."""
         hints = tuple((road,) for road in roads)
         return [place.model_copy(update={"roads": hints}) for place in self.find(town) if place.is_settlement]
 
@@ -312,7 +312,7 @@ def _alpha2(code: str) -> str | None:
 
 
 def _country(address: Mapping[str, Any]) -> str | None:
-    """Return the ISO 3166-1 alpha-3 code for an address: the territory's code if it has one of its own."""
+    """Return the ISO 3166-1 alpha-3 code for an address; a territory with a code of its own gets that code."""
     code = str(address.get("country_code", "")).upper()
     parts = {str(value).rpartition("-")[2] for key, value in address.items() if key.startswith("ISO3166-2-lvl")}
     own = sorted(parts & _TERRITORIES.get(code, frozenset()))

@@ -3,7 +3,7 @@
 osmnx makes the requests, identifies the program, and waits for a free slot at Overpass. The rest happens in a hook
 (osmnx's setting ``requests_kwargs``), which the library ``requests`` calls with every response before reading its body.
 Redirects are not followed. An answer is read only up to a limit in bytes and seconds. A refusal (429, 504 …) becomes an
-exception with the service's retry time; osmnx would wait 55 s each time, again and again.
+exception with the service's retry time; osmnx would wait 55 s after each refusal, without end.
 """
 
 import fcntl
@@ -173,7 +173,7 @@ class _Guard:
 
 
 def _too_much() -> NotPossible:
-    """Return the refusal of too large an answer; other services would send the same amount."""
+    """Return the refusal of an answer that is too large; other services would send the same amount."""
     return NotPossible(
         f"the answer exceeds the limit of {MOST_BYTES // _MIB} MB of map data",
         next_step="choose a smaller bbox or a street of the place, or lower maps_km2",
@@ -270,7 +270,7 @@ class ServiceClient:
         return answered
 
     def _cached(self, question: "_Question[_Read]", *, however_old: bool) -> "KeptAnswer[_Read] | None":
-        """Return the cached answer; remove it if it is unreadable, as one from an earlier version may be."""
+        """Return the cached answer; remove it if it is unreadable, for example because an earlier version wrote it."""
         kept = self._cache.find(question.text, however_old=however_old)
         if kept is None:
             return None

@@ -78,7 +78,7 @@ class SitePart:
 
 @dataclass(frozen=True)
 class Site:
-    """A place on a map: its type, its middle in degrees, its streets, and the node or way that marks it.
+    """A place on a map: its type, its centre in degrees, its streets, and the node or way that marks it.
 
     ``parts``: the spots that were merged into the site, at most ``MOST_NAMED``; the streets are those of all parts.
     ``only_passed``: the requested streets pass the site, but no part is on all of them. ``by_links``: links belong to
@@ -96,7 +96,7 @@ class Site:
 
     @property
     def position(self) -> tuple[float, float]:
-        """The site's middle as latitude and longitude in degrees."""
+        """The site's centre as latitude and longitude in degrees."""
         return self.latitude, self.longitude
 
     @property
@@ -296,7 +296,7 @@ class SiteFinder:
 
     @cached_property
     def _roads(self) -> list[OsmWay]:
-        """Roads that lead somewhere; service roads and tracks only if there are no others."""
+        """Through roads; service roads and tracks only if there are no through roads."""
         through = [way for way in self.osm.roads(THROUGH_ROADS & self._classes) if way.tags.get("area") != "yes"]
         return through or self.osm.roads(frozenset(ROADS) & self._classes)
 
@@ -306,18 +306,18 @@ class SiteFinder:
 
     @cached_property
     def _streets(self) -> _Crossings:
-        """The junctions of roads that lead somewhere; slip roads, which cross nothing, are left out."""
+        """The junctions of through roads; slip roads, which cross nothing, are left out."""
         return _Crossings([way for way in self._roads if way.road_class not in LINKS])
 
     @cached_property
     def _with_named_links(self) -> _Crossings:
-        """The junctions of roads that lead somewhere, and of links with the name of one of these roads."""
+        """The junctions of through roads, and of links that have the name of a through road."""
         names = {way.tags["name"] for way in self._roads if way.road_class not in LINKS and "name" in way.tags}
         return _Crossings([way for way in self._roads if way.road_class not in LINKS or way.tags.get("name") in names])
 
     @cached_property
     def _with_links(self) -> _Crossings:
-        """The junctions of roads that lead somewhere and their links."""
+        """The junctions of through roads and links."""
         return _Crossings(self._roads)
 
     @cached_property
@@ -411,7 +411,7 @@ class SiteFinder:
 
     @cached_property
     def _ahead_of_signals(self) -> Surroundings:
-        """The positions of the junctions in ``_signals_and_junctions``."""
+        """The positions of the junctions in ``_signals_and_junctions``, for searches by distance."""
         return Surroundings([[self._metres(self.osm.nodes[key])] for _, key in self._signals_and_junctions])
 
     @cached_property
@@ -479,7 +479,7 @@ class SiteFinder:
         return roads.values()
 
     def _meeting(self, way: OsmWay) -> tuple[OsmWay, ...]:
-        """Return the first roads that meet a way, including the way itself; callers need at most ``MOST_BEHIND``."""
+        """Return up to ``MOST_BEHIND`` roads that meet a way, possibly including the way itself."""
         if way.way_id not in self._met:
             at_nodes = (other for key in way.node_ids for other in islice(self._with_links.ways_at(key), MOST_BEHIND))
             found: dict[int, OsmWay] = {}
@@ -496,7 +496,7 @@ class SiteFinder:
 
     @cached_property
     def _lines(self) -> Surroundings:
-        """The roads that lead somewhere."""
+        """The through roads, for searches by distance."""
         return Surroundings([self._line_of(way) for way in self._roads])
 
     @cached_property

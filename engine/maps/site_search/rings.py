@@ -51,13 +51,14 @@ class Rings:
 
         The result is empty if the way is open in both directions or does not close over one-way roads, if the ring is
         longer than ``LONGEST_RING_M`` or shorter than ``LEAST_RING_M``, or if fewer than two roads lead into it. A road
-        at which the ring turns back does not count: there, the ring is closed via the exit and entry of an arm.
+        at which the ring turns back is not counted, because the ring is closed there through the exit and entry of an
+        arm.
         """
         ring = self._closed(way)
         return () if self._fault(way, ring) else ring
 
     def fault_of(self, way: OsmWay) -> str:
-        """Return why a tagged way is not part of a ring that cars drive around, or an empty text if it is."""
+        """Return why a tagged way is not part of a ring that cars drive around, or an empty string if it is."""
         return self._fault(way, self._closed(way))
 
     def _closed(self, way: OsmWay) -> tuple[int, ...]:

@@ -1,1 +1,1 @@
-"""Rules that check a road network: each is a function under ``@rule``, in the module of its subject."""
+"""Rules that check a road network. Each rule is a function decorated with ``@rule``, in the module of its subject."""

@@ -214,7 +214,7 @@ _LONGEST_ISOLATED_M = 50.0
 
 @rule("warning", why="No vehicle can enter or leave it; usually a connection is missing.")
 def isolated_lanelet(document: RoadDocument) -> Iterator[Defect]:
-    """A lanelet shorter than 50 m, one of several, has neither predecessor, successor nor neighbour.
+    """In a network of several lanelets, a lanelet shorter than 50 m has no predecessor, successor or neighbour.
 
     Footways need none of these, because pedestrians walk in any direction.
     """

@@ -1,1 +1,1 @@
-"""What a vehicle can drive: the limits of planned and driven motions, and solution files of driven runs."""
+"""The limits of what a vehicle can drive, checks of planned and driven motions, and solution files of driven runs."""

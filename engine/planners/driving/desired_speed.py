@@ -174,7 +174,7 @@ class DesiredSpeed:
         return min(max(by_end, 0.0), max(cruising[0], ego.speed_mps)), "goal_end"
 
     def _mean_to(self, left_m: float, step: int, ego: EgoState) -> float | None:
-        """Return the mean speed in m/s that covers a distance by a step, or None if the step has passed."""
+        """Return the mean speed in m/s that covers a distance before a given step, or None if that step has passed."""
         left_s = (step - ego.step) * self._step_s
         return left_m / left_s if left_s > 0 else None
 

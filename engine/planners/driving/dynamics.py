@@ -1,4 +1,4 @@
-"""The ego as a simulated vehicle: a tracking controller follows the plan, and a vehicle model moves.
+"""The ego as a simulated vehicle: a tracking controller follows the plan, and a vehicle model computes the motion.
 
 The models are those of CommonRoad (Althoff and Würsching, "CommonRoad: Vehicle Models", 2020; package
 ``vehiclemodels``): kinematic single-track, dynamic single-track, single-track with drift, and multi-body. Their inputs
@@ -7,8 +7,8 @@ are the steering rate and the acceleration.
 Steering follows Stanley's law (Hoffmann et al., "Autonomous Automobile Trajectory Tracking for Off-Road Driving",
 2007). The front wheels point along the line on which the plan moves the front axle. At a distance e from the line, they
 turn towards it by atan(k · e / (k_s + v)). Speed follows the plan with its acceleration and proportional feedback on
-speed and distance. Commands act after the actuators' delay. The controller knows the delay: it steers for the state in
-which the commands that have not acted yet will leave the vehicle, predicted by the kinematic model.
+speed and distance. Commands act after the actuators' delay. The controller knows the delay: it steers from the state
+that the vehicle will reach once all pending commands have acted, as the kinematic model predicts it.
 """
 
 import math
@@ -102,7 +102,9 @@ def _model(dynamics: Dynamics) -> Rates:
 
 @dataclass(frozen=True)
 class _Line:
-    """The plan over time as the controller reads it: the front axle's places (n, 2), and speeds and ways (n,)."""
+    """The plan over time as the controller reads it: positions of the front axle (n, 2), speeds and distances driven
+    (n,).
+    """
 
     fronts: Points
     directions_rad: Values
@@ -123,7 +125,9 @@ class _Line:
         return cls(fronts, np.unwrap(directions), ways, np.maximum(plan.speeds_mps, 0.0), step_s)
 
     def nearest(self, x_m: float, y_m: float) -> tuple[float, float, float]:
-        """Return the way, the offset to the left and the direction of the line at its nearest place to a point."""
+        """Return the distance along the line, the offset to the left and the line's direction at the point nearest to a
+        given point.
+        """
         begins, along = self.fronts[:-1], np.diff(self.fronts, axis=0)
         squared = np.maximum((along**2).sum(axis=1), _SAME_M**2)
         away = np.array([x_m, y_m]) - begins
@@ -142,12 +146,12 @@ class _Line:
         return way, offset, direction
 
     def _direction(self, at: int, share: float) -> float:
-        """Return the direction at a share of a segment, which changes evenly between the middles of segments."""
+        """Return the direction at a fraction of a segment; it changes linearly between the midpoints of segments."""
         place = at + share - 0.5
         return float(np.interp(place, np.arange(len(self.directions_rad)), self.directions_rad))
 
     def wanted(self, time_s: float) -> tuple[float, float, float]:
-        """Return way, speed and acceleration at a time since the beginning of the plan."""
+        """Return the distance, speed and acceleration at a time since the beginning of the plan."""
         place = min(time_s / self.step_s, len(self.speeds_mps) - 1.0)
         at = min(int(place), len(self.speeds_mps) - 2)
         share, step_s = place - at, self.step_s
@@ -157,7 +161,7 @@ class _Line:
 
 
 class SimulatedVehicle:
-    """The ego's vehicle over one run; it keeps its model's state and the commands that have not acted yet."""
+    """The ego's vehicle over one run, with the state of its model and the pending commands."""
 
     def __init__(
         self, dynamics: Dynamics, delay_s: float, vehicle: VehicleParameters, ego: EgoState, step_s: float
@@ -223,7 +227,7 @@ class SimulatedVehicle:
         self._integrate([rate, max(push, -standing_mps / self._period_s)])
 
     def _when_commands_act(self) -> tuple[float, float, float, float]:
-        """Return place, heading and speed of the centre once the pending commands have acted."""
+        """Return the position, heading and speed of the centre once all pending commands have acted."""
         x, y, steering, speed, heading = self._state[:5]
         most, wheelbase = self._vehicle.maximum_steering_rate_radps * self._period_s, self._vehicle.wheelbase_m
         rear = self._vehicle.rear_axle_behind_center_m / wheelbase

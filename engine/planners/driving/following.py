@@ -150,7 +150,7 @@ class _Track:
 
 
 def _roll(start: _Pose, speeds: Values, steering: Values, wheelbase_m: float, step_s: float) -> _Rolled:
-    """Return the rear axle's motion for speeds and steering angles (n,) that change evenly within a step.
+    """Return the rear axle's motion for speeds and steering angles (n,) that change linearly within a step.
 
     Uses Simpson's rule, over half steps for the heading and over whole steps for the position; its error is below a
     micrometre per step.

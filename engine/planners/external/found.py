@@ -204,7 +204,7 @@ def _planners_of_process() -> dict[str, Found]:
 
 
 def _path_times() -> tuple[tuple[str, int], ...]:
-    """Return the folders of installed packages with their modification times, as reading metadata takes 20 ms."""
+    """Return the folders of installed packages with their modification times, because reading metadata takes 20 ms."""
     folders = [Path(entry or ".") for entry in sys.path]
     return tuple((str(folder), folder.stat().st_mtime_ns) for folder in folders if folder.exists())
 

@@ -36,7 +36,7 @@ def standing_process(name: str, declared: CommandPlanner) -> PlannerProcess:
 
 
 def forget_process(declared: CommandPlanner) -> None:
-    """End a long-lived program after a failure, since its further answers are unreliable."""
+    """End a long-lived program after a failure, because its later answers are unreliable."""
     process = _kept().pop(declared.model_dump_json(), None)
     if process is not None:
         process.close()

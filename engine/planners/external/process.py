@@ -196,7 +196,9 @@ class PlannerProcess:
             raise self._exit_failure(status)
 
     def _send(self, *, close_input: bool) -> None:
-        """Write as much of the message as the input takes, so that a program that reads nothing blocks nothing."""
+        """Write as much of the message as the input accepts, so that a program that reads nothing does not block the
+        worker.
+        """
         stdin = self._process.stdin
         if stdin is None or not self._unsent:
             return

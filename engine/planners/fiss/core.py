@@ -120,12 +120,12 @@ def core_configuration(
     """Return the core's configuration.
 
     Args:
-        weights: The planner's weights, by our names.
+        weights: The planner's weights, by the names that this program uses.
         settings: The settings for the search, the horizon and the number of samples.
         step_s: The time step of the plans.
         offsets: The number of lateral offsets per lane, to override the settings.
         care: The distances that a candidate must keep from other road users.
-        every_candidate: True to generate, check and return every candidate, whatever the search.
+        every_candidate: True to generate, check and return every candidate, regardless of the search.
     """
     configuration = fiss_planner.PlannerConfig()
     search = "fop" if every_candidate else SEARCHES[settings.search]

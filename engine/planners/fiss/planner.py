@@ -5,10 +5,10 @@ It generates and checks only the candidates that its search reaches. The setting
 searches. The result is checked once more, for the limits of the vehicle and against the exact bodies and the edge of
 the road; if that fails, all candidates are generated, and the ego drives the cheapest one that passes.
 
-If no candidate passes, the planner falls back in its authors' order: the rest of its last plan, a plan without the hard
-distances to others, a plan that considers collisions for only 2.5 s, and braking. We add two searches before it brakes.
-The first is without the core's margins, since an ego that is already too close to a road user would never get a plan.
-The second may exceed the desired speed, since braking in front of a follower does not help.
+If no candidate passes, the planner falls back in its authors' order: the rest of its last plan, a plan that ignores the
+hard limits on distances to others, a plan that considers collisions for only 2.5 s, and braking. We add two searches
+before it brakes. The first is without the core's margins, since an ego that is already too close to a road user would
+never get a plan. The second may exceed the desired speed, since braking in front of a follower does not help.
 
 Sources: Sun, Liu, Yin, Ang: FISS: A Trajectory Planning Framework Using Fast Iterative Search and Sampling Strategy for
 Autonomous Driving, RA-L 2022 (10.1109/LRA.2022.3191940). Sun et al.: FISS+: Efficient and Focused Trajectory Generation

@@ -143,7 +143,7 @@ class FrameKeeper:
 def _longest_accepted(path: Points) -> Points:
     """Return the path, or the longest initial part that the core accepts.
 
-    If a path comes back over itself, for example around the loop of a dead end, the core finds no area in which every
+    If a path doubles back over itself, for example around the loop of a dead end, the core finds no area in which every
     point has a unique position along the path, and refuses the whole path.
     """
     accepted, refused = 2, len(path)
@@ -177,7 +177,7 @@ def _rotation(angle_rad: float) -> Points:
 class CurvilinearState:
     """Arc length and lateral offset, with two derivatives each.
 
-    At low speed (``low_speed``) the lateral derivatives are by arc length, otherwise by time.
+    The lateral derivatives are with respect to arc length at low speed (``low_speed``), otherwise with respect to time.
     """
 
     longitudinal: Values
@@ -185,7 +185,7 @@ class CurvilinearState:
     low_speed: bool
 
     def as_mode(self, low_speed: bool) -> "CurvilinearState":
-        """Return the same state with the lateral derivatives of the other mode (chain rule)."""
+        """Return the same state with lateral derivatives for the given mode, converted by the chain rule."""
         if low_speed == self.low_speed:
             return self
         _, speed, acceleration = self.longitudinal

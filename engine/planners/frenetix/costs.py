@@ -120,9 +120,9 @@ def responsibility(batch: CandidateBatch) -> Values:
 class _Nearness:
     """Gaps between the candidates' rectangles and an obstacle's rectangle, except at the present step.
 
-    In the obstacle's frame the ego counts by its bounding box, which is exact if the two rectangles are parallel or at
-    right angles. The gaps are evaluated every 0.2 s, including the last step, except at steps where no candidate can be
-    within 8 m.
+    In the obstacle's frame the ego is replaced by its bounding box, which is exact if the two rectangles are parallel
+    or at right angles. The gaps are evaluated every 0.2 s, including the last step, except at steps where no candidate
+    can be within 8 m.
     """
 
     def __init__(self, batch: CandidateBatch) -> None:

@@ -216,7 +216,7 @@ class Frenetix:
         step: PlanningStep,
         followed: FollowedPlan | None = None,
     ) -> Plan:
-        """Return the vehicle's motion along a candidate; the planner continues from the candidate itself."""
+        """Return the plan in which the vehicle follows a candidate; replanning continues from the candidate itself."""
         trajectory = copied_trajectory(sample, step.frame, step.ego, self._task.vehicle)
         followed = followed or follow(trajectory, step.ego, self._task.vehicle, self._task.step_s)
         self._driven = DrivenPlan(

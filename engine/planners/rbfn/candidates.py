@@ -96,7 +96,7 @@ class Start:
 
     @classmethod
     def of(cls, path: PathTable, rear: Points, heading_rad: float, speed_mps: float, curvature_per_m: float) -> "Start":
-        """Return the start of a rear axle at a point (2,); ``turned_rad`` is its heading relative to the path."""
+        """Return the start for a rear axle at a point (2,); ``turned_rad`` is its heading relative to the path."""
         near = np.array([path.foot(rear)])
         (station,), (offset,), (along,) = path.coordinates(rear[:1], rear[1:], near)
         turned = wrap_angle(heading_rad - float(along))

@@ -157,7 +157,7 @@ class DriverScene:
         return OnPath.of(self.nominal.path, track, self.step_s, float(self.nominal.stations_m[index]))
 
     def drive(self, driver: ReferenceDriver, takes_over: int = 0) -> Driven:
-        """Return the motion of a driver that takes over at the state with an index."""
+        """Return the motion of a driver that takes over at a given state."""
         stations: list[float] = self.nominal.stations_m[: takes_over + 1].tolist()
         speeds: list[float] = self.nominal.speeds_mps[: takes_over + 1].tolist()
         memory, braking, brakes_from = driver.begin(), 0.0, None
@@ -184,7 +184,7 @@ class DriverScene:
         return Driven(np.array(stations), np.array(speeds), brakes_from, stands=False)
 
     def _is_over(self, index: int, met: Seen | None, speed: float, wanted: float | None) -> bool:
-        """Return True if ``met`` moves evenly, and it and the ego can no longer reach each other."""
+        """Return True if the ego and ``met``, which no longer brakes, can no longer reach each other."""
         if met is None or self.first_step + index <= self.met_until or met.slowing_mps2 > 0:
             return False
         if met.is_passed:

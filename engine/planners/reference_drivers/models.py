@@ -269,7 +269,7 @@ def _since(before_s: float | None, now_s: float, holds: bool) -> float | None:
 
 @dataclass(frozen=True)
 class _Alertness:
-    """The times since which a situation has been unsafe or safe again; None if it is not."""
+    """The times since which a situation has been unsafe, or safe again; a time is None if it does not apply."""
 
     unsafe_since_s: float | None = None
     safe_since_s: float | None = None
@@ -367,7 +367,9 @@ class FuzzyDriver(_RespondingDriver):
 
 
 def _share_between(value: float, none: float, all_: float) -> float:
-    """Return 0 at or above the value ``none``, 1 at or below the smaller value ``all_``, and a linear share between."""
+    """Return 0 for a value of ``none`` or more, 1 for ``all_`` (which is smaller) or less, and interpolate linearly
+    between.
+    """
     return float(value < all_) if none <= all_ else min(max((none - value) / (none - all_), 0.0), 1.0)
 
 

@@ -157,9 +157,8 @@ class OnPath:
 def with_hidden(seen: Sequence[tuple[Seen, float, bool]], wandering_m: float) -> tuple[Seen, ...]:
     """Return the road users ahead of a driver, with the hidden ones marked (UN R157, Annex 4, Appendix 3, 3.4.2).
 
-    Each entry has the offset of its centre from the path, and whether it hides others. One that is ahead in the path
-    hides what is in the path beyond it, until its centre is farther from the middle of the path than the wandering
-    distance.
+    Each entry has the offset of its centre from the path, and whether it hides others. A road user that is ahead in the
+    path hides everything beyond it in the path, until its centre is farther from the path than the wandering distance.
     """
     hiding = [one.gap_m for one, offset, hides in seen if hides and one.is_in_way and abs(offset) <= wandering_m]
     nearest = min((gap for gap in hiding if gap >= 0), default=math.inf)

@@ -263,7 +263,7 @@ class _ReactiveTraffic:
                 grown.add(*_recorded_state(actor.track, index))
 
     def _brake_for_ego(self, ego: EgoState, driven: Mapping[int, Track]) -> None:
-        """Make vehicles brake that would hit the ego's rear, as hard as they can if necessary.
+        """Make a vehicle brake if it would hit the ego's rear, as hard as it can if necessary.
 
         SUMO sees the ego by lanes. A follower on a merging lane, or behind an ego that is askew in a junction, would
         not see it.
@@ -341,7 +341,9 @@ class _ScriptedTraffic:
 def _least_hit(
     hit: tuple[int, str] | None, driven: tuple[Track, ...], ego: EgoState, vehicle: VehicleParameters
 ) -> tuple[int, str] | None:
-    """Return the lowest id, with its type, of a known hit and of the driven ones that overlap the ego, or None."""
+    """Return the lowest-id obstacle, with its type, among a known hit and the driven ones that overlap the ego, or
+    None.
+    """
     own = rectangle(ego, vehicle)
     for track in driven:
         index = track.index_at(ego.step)

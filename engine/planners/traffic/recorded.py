@@ -49,7 +49,9 @@ class Traffic(Protocol):
         """The triggers of scripted motions by road user, and whether they have fired up to the present step."""
 
     def advance(self, ego: EgoState) -> None:
-        """Advance to the step of the ego's new state; called for every step in order, before that step is read."""
+        """Advance to the step of the ego's new state; call this for every step in order, before reading the traffic at
+        that step.
+        """
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
         """Return id and type of the lowest-id obstacle that overlaps the ego's rectangle at the ego's step, or None."""
@@ -79,7 +81,7 @@ class RecordedTraffic:
             scenario: The scenario of commonroad-io.
             without: Ids of obstacles to leave out.
             tracks: The tracks of its trajectories, if known.
-            exact: Obstacles with exact points and headings in all states after the first.
+            exact: The obstacles that have exact points and headings in all states after the first.
         """
         dynamic, static = scenario.dynamic_obstacles, scenario.static_obstacles
         tracks = _all_tracks(dynamic, recorded_tracks(scenario) if tracks is None else tracks)
@@ -156,7 +158,7 @@ class _Rectangles:
 
 
 def _bodies_of(obstacles: Mapping[int, Any]) -> dict[int, "pycrcc.CollisionObject"]:
-    """Return obstacles' bodies at all steps, as commonroad-dc creates them; its own function loads matplotlib."""
+    """Return obstacles' bodies at all steps, as commonroad-dc's own function would, but without loading matplotlib."""
     return {key: _body_of_obstacle(obstacle) for key, obstacle in obstacles.items()}
 
 

@@ -118,7 +118,8 @@ class TrafficRoles:
         return tuple(route)
 
     def _most_likely_before(self, lanelets: list[int], under_ego: dict[int, float], ego: EgoState) -> int:
-        """Return the best-fitting lanelet for the ego; of equal lanelets that merge, that with the nearest vehicle.
+        """Return the best-fitting lanelet for the ego; if merging lanelets fit equally well, the one with the nearest
+        vehicle.
 
         A follower on a lane without the ego's rear sees the ego as crossing traffic, and far too late.
         """

@@ -118,7 +118,7 @@ def _problem(record: RunRecord) -> tuple[str, int]:
 
 
 def _column(side: _Side, sides: Sequence[_Side], runs: RunSet) -> BoardColumn:
-    """Return a column with its configuration and its difference from the other columns as the title."""
+    """Return a column; its title is the configuration and what distinguishes it from the other columns."""
     parts = [runs.records[0].config_name]
     for name, words in (
         ("prediction", side.prediction.replace("_", " ")),

@@ -58,7 +58,7 @@ LONGEST_SENTENCE = 400
 
 
 def player_view(request: ViewRequest) -> PlayerView:
-    """Return the data of a player; panes on one scenario share its scene.
+    """Return the data of a player; panes that show the same scenario share its scene.
 
     Raises:
         UnsafeInput: The file of a scenario cannot be read.

@@ -81,7 +81,7 @@ def strip_of(bounds: Sequence[Points]) -> Strip:
 
 
 def _missed_at_ends_m(strip: Strip, lines: Sequence[Points]) -> float:
-    """Return the largest distance of a strip's corners from the ends of the bounds."""
+    """Return the largest distance between a strip's corners and the ends of the bounds."""
     last = strip.pieces[-1]
     middle, normals = evaluate(strip.pieces, np.array([0.0, last.station_m + last.length_m]))
     drawn = middle[:, None] + normals[:, None] * strip.offsets_m[[0, -1], :, None]
@@ -110,7 +110,7 @@ def _strip(lines: Sequence[Points], turning: float) -> tuple[Strip, tuple[int, f
 
 
 def _apart(one: Points, other: Points) -> Values:
-    """Return the distances of the vertices of each line from the other line."""
+    """Return the distances between two lines: from each line's vertices to the other line."""
     import shapely
 
     pairs = ((one, other), (other, one))
@@ -199,7 +199,7 @@ def _sampled(pieces: Sequence[CurvePiece], spacing_m: float) -> tuple[Values, Po
 
 
 def _tried(pieces: Sequence[CurvePiece]) -> list[float]:
-    """Return points on the reference line, which are closer together in its first and last pieces."""
+    """Return points on the reference line; they are closer together in its first and last pieces."""
     total = pieces[-1].station_m + pieces[-1].length_m
     ends = pieces[0].length_m, pieces[-1].station_m
     parts = ((0.0, ends[0], TRIED_AT_ENDS_M), (*ends, TRIED_M), (ends[1], total, TRIED_AT_ENDS_M))
@@ -226,7 +226,9 @@ def _feet(line: Points, stations: Values, positions: Points, normals: Points, re
 
 
 def _cut(line: Points, at: Points, across: Points, reach_m: float) -> Values:
-    """Return how far to the left each normal cuts a line, by its nearest cut; interpolated if it misses the line."""
+    """Return how far to the left each normal crosses a line, at the nearest crossing; interpolate if it misses the
+    line.
+    """
     start, step = line[:-1], np.diff(line, axis=0)
     found = np.full(len(at), np.nan)
     for number, (origin, normal) in enumerate(zip(at, across, strict=True)):

@@ -103,7 +103,7 @@ def _is_located(scenario: "Scenario") -> bool:
 
 
 def _projection(scenario: "Scenario") -> str:
-    """Return the PROJ string of the file if its coordinates are the projected ones."""
+    """Return the PROJ string of the file's coordinates; empty if they are not projected, or rotated or scaled."""
     change = None if scenario.location is None else scenario.location.geo_transformation
     stated = "" if change is None or not change.geo_reference else str(change.geo_reference).strip()
     if change is None or not stated.startswith("+proj=") or not stated.isprintable():

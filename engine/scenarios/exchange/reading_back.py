@@ -22,7 +22,7 @@ EVERY_M = 0.5
 def geometry_error(text: bytes, network: "LaneletNetwork") -> RoadGeometry:
     """Return the deviations between the lanelets' bounds and those of the file, measured from both sides.
 
-    The points of a bound that is missing from the file count as not near.
+    Points of a bound that is missing from the file count as too far away.
     """
     drawn = _bounds(etree.fromstring(text))
     near, count, farthest_m = 0, 0, 0.0
@@ -68,7 +68,7 @@ def _bounds(root: etree._Element) -> dict[int, tuple[Points, Points]]:
 
 
 def _table(element: etree._Element, path: str, station: str) -> Points:
-    """Return the rows of a piecewise cubic: its start, then its coefficients a, b, c, d."""
+    """Return the rows of a piecewise cubic, each with its start and its coefficients a, b, c, d."""
     return np.array([[float(row.get(key, "0")) for key in (station, *"abcd")] for row in element.iterfind(path)])
 
 

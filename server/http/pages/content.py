@@ -1,4 +1,4 @@
-"""The content of the pages: answers of tools, requested as by any other client, and the journal of calls."""
+"""The content of the pages: answers of tools, which are called like by any other client, and the journal of calls."""
 
 import base64
 import json
