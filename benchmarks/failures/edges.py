@@ -5,12 +5,14 @@ of grids are drawn in the same way as those of the search, by the edge inside ea
 points along each side; the number of points of a grid with the search's error is interpolated between them, with the
 logarithms of points and errors in proportion, and beyond them it is that of the nearest grid.
 
-Keys: ``adaptive_share`` (geometric mean over boundaries and budgets), ``adaptive_share_SCENARIO``, ``edges_processor_s``.
+Keys: ``adaptive_share`` (geometric mean over boundaries and budgets), ``adaptive_share_SCENARIO``,
+``edges_processor_s``.
 """
 
 import math
 import sys
 import tempfile
+from itertools import pairwise
 from pathlib import Path
 from statistics import fmean
 
@@ -86,7 +88,7 @@ def _error(search: BoundarySearch, truth: dict[Place, str]) -> float:
 def _points_at(error: float, grids: list[tuple[int, float]]) -> float:
     """Return the number of points of a grid with an error, interpolated; grids are in ascending order of points."""
     error = max(error, _LEAST_ERROR)
-    for (fewer, larger), (more, smaller) in zip(grids, grids[1:], strict=False):
+    for (fewer, larger), (more, smaller) in pairwise(grids):
         large, small = max(larger, _LEAST_ERROR), max(smaller, _LEAST_ERROR)
         if small <= error <= large and small < large:
             share = math.log(large / error) / math.log(large / small)

@@ -1,5 +1,6 @@
 """A scenario prepared for edits and simulation: lanes as a SUMO network, vehicles on their lanelets, the ego."""
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
@@ -176,17 +177,27 @@ class Scene:
     @cached_property
     def lane_speeds_mps(self) -> dict[int, float]:
         """The speed of every drivable lanelet, lowered to the speed of its sharpest curve if that is less."""
-        return lowered_by_curves(self.layout, self.straight_speeds_mps, self.friction)
+        unlimited = dict.fromkeys(self.layout.table.lanes, math.inf)
+        in_curves = self.made.get("speeds in curves", lambda: lowered_by_curves(self.layout, unlimited, self.friction))
+        return {key: min(speed, in_curves[key]) for key, speed in self.straight_speeds_mps.items()}
 
     @cached_property
     def slow_places(self) -> dict[str, SlowPlaces]:
         """The curves of SUMO's lanes of long lanelets, by lane id: driven vehicles are slowed only in these curves."""
         straight, lanes = self.straight_speeds_mps, self.layout.table.lanes
         return {
-            f"{edge}_{index}": slow_places(lanes[key].center, straight[key], self._recorded_on(key), self.friction)
+            f"{edge}_{index}": self._slow_places_on(key, straight[key], tuple(self._recorded_on(key)))
             for key, (edge, index) in self.layout.lane_of.items()
             if lanes[key].length_m > LONG_LANELET_M and self.lane_speeds_mps[key] < straight[key]
         }
+
+    def _slow_places_on(
+        self, lanelet_id: int, straight_mps: float, recorded: tuple[tuple[float, float], ...]
+    ) -> SlowPlaces:
+        return self.made.get(
+            ("slow places", lanelet_id, straight_mps, recorded),
+            lambda: slow_places(self.layout.table.lanes[lanelet_id].center, straight_mps, recorded, self.friction),
+        )
 
     def _recorded_on(self, lanelet_id: int) -> list[tuple[float, float]]:
         """Return arc lengths in m on a lanelet, and the recorded speeds of vehicles at them."""
