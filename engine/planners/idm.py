@@ -51,6 +51,8 @@ this (chosen).
 """
 _SEARCHED_M = 25.0
 """The path is first searched within this distance of the obstacles (chosen); the result does not depend on it."""
+_BETWEEN_POINTS_M = 3.0
+"""Added to the width of the corridor, because it is measured from points of the path about a metre apart (chosen)."""
 _SMALLEST_GAP_M = 0.1
 """Smaller gaps count as this, so that the interaction stays finite (chosen)."""
 
@@ -257,18 +259,37 @@ class IntelligentDriver:
         left = max(self._way.goal_m[0] - station, 0.0)
         return math.sqrt(self._goal.speed_mps**2 + 2.0 * self._brakes_mps2 * left)
 
+    def _near(self, obstacles: Sequence[PredictedObstacle], path: Points) -> Sequence[PredictedObstacle]:
+        """Return the obstacles that may come into the corridor: the others are far from all points of the path.
+
+        An obstacle gets nearer by at most its largest distance from its present position.
+        """
+        if not obstacles:
+            return obstacles
+        away = np.sqrt(_squared_distances(path, np.array([one.positions[0] for one in obstacles])).min(axis=1))
+        width = self._task.vehicle.width_m
+        near = []
+        for one, away_m in zip(obstacles, away.tolist(), strict=True):
+            moved = one.positions - one.positions[0]
+            reach_m = math.sqrt(float((moved[:, 0] * moved[:, 0] + moved[:, 1] * moved[:, 1]).max()))
+            room_m = (width + one.length_m + one.width_m) / 2 + _CORRIDOR_MARGIN_M + _BETWEEN_POINTS_M
+            if away_m <= reach_m + room_m:
+                near.append(one)
+        return near
+
     def _on_path(self, obstacles: Sequence[PredictedObstacle], here_m: float) -> list[_OnPath]:
         """Return the projections onto the nearest points of the path of the obstacles that enter the ego's corridor.
 
         The path's points are about one metre apart. If the path passes an obstacle more than once, the next passage
         ahead of the ego counts. All obstacles are projected together, because each of them takes little time.
         """
+        path, step_s = self._task.reference.points, self._task.step_s
+        behind = max(int(np.searchsorted(self._way.stations_m, here_m - _LOOKED_BACK_M)), 0)
+        obstacles = self._near(obstacles, path[behind:])
         if not obstacles:
             return []
-        path, step_s = self._task.reference.points, self._task.step_s
         counts = [len(obstacle.positions) for obstacle in obstacles]
         positions = np.concatenate([obstacle.positions for obstacle in obstacles])
-        behind = max(int(np.searchsorted(self._way.stations_m, here_m - _LOOKED_BACK_M)), 0)
         nearest = _nearest_points(path, behind, positions)
         heading, offset = self._way.headings_rad[nearest], positions - path[nearest]
         along = offset[:, 0] * np.cos(heading) + offset[:, 1] * np.sin(heading)

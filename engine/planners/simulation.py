@@ -150,7 +150,7 @@ def _task(
     configuration: PlannerConfiguration,
     ego: EgoState,
     vehicle: VehicleParameters,
-    made: MadeOnce | None,
+    made: MadeOnce | None = None,
 ) -> PlanningTask | Verdict:
     """Return the task, or the reason why the problem is invalid."""
     if made is None:

@@ -98,8 +98,8 @@ class _Motions:
     """The candidates' longitudinal and lateral motions, and the path next to them.
 
     ``is_checked``: the steps until a candidate's end state, which the core checks; after it the candidate continues
-    straight. ``divisor``: the speed, or 1 where it is slow. ``is_regular`` (n,): True if the candidate stays on the path
-    and rounding selects no formula.
+    straight. ``divisor``: the speed, or 1 where it is slow. ``is_regular`` (n,): True if the candidate stays on the
+    path and rounding selects no formula.
     """
 
     speed: Points
