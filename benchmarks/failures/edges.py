@@ -2,8 +2,8 @@
 
 Truth is a grid of 33 × 33 points. A map's error is the share of these points at which it shows another outcome; maps
 of grids are drawn in the same way as those of the search, by the edge inside each cell. The grids have 5, 9 and 17
-points along each side; the number of points of a grid with the search's error is interpolated between them, with the
-logarithms of points and errors in proportion, and beyond them it is that of the nearest grid.
+points along each side. Between them, the number of points of a grid with the search's error is interpolated with the
+logarithms of points and errors in proportion. Beyond them, it is that of the nearest grid.
 
 Keys: ``adaptive_share`` (geometric mean over boundaries and budgets), ``adaptive_share_SCENARIO``,
 ``edges_processor_s``.
