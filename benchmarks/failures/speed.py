@@ -2,8 +2,8 @@
 
 Evaluations: a search by the product's operations near each scenario of the experiment that the search was designed
 with, recorded traffic, horizon 6 s, stopping once the encounter is over. The choice of points and the first look at the
-base do not count; edits of points that turn out to be implausible do. Each measurement follows a few points that warm
-up caches and imports, as in a worker.
+base do not count; edits of points that turn out to be implausible do. A first batch warms up caches and imports, as in
+a worker, and does not count.
 
 Keys: ``evaluations_frenetix``, ``evaluations_fiss``, ``evaluations_idm`` (runs per minute and core),
 ``boundary_frenetix_s``, ``boundary_idm_s`` (a map of 150 points of ``lead_braking``).
@@ -59,8 +59,7 @@ def _evaluations(path: Path, planner: str, runs: int) -> tuple[Spent, int]:
     space = open_space(SpaceRequest(setting=setting, base_id=path.stem), silent)
     sizes = tuple((stratum.name, len(stratum.parameters)) for stratum in space.strata)
     known: list[EvaluatedPoint] = []
-    spent = warm = Spent()
-    counted = 0
+    spent, counted = Spent(), 0
     while space.strata and sum(one.score.value is not None for one in known) < runs + _WARM:
         scores = tuple(one.score for one in known)
         points = propose_points(ProposalsRequest(strata=sizes, seed=0, scores=scores), silent).points
@@ -70,10 +69,8 @@ def _evaluations(path: Path, planner: str, runs: int) -> tuple[Spent, int]:
             )
             begun = Spent.now()
             done = evaluate_in_space(request, silent).points
-            if known:
+            if known:  # the first batch warms up
                 spent = spent + (Spent.now() - begun)
                 counted += sum(one.score.value is not None for one in done)
-            else:
-                warm = warm + (Spent.now() - begun)
             known += done
     return spent, counted
