@@ -58,7 +58,7 @@ class MovingRectangles:
 
 
 @dataclass(frozen=True)
-class _Encounters:
+class Encounters:
     """All pairs of a driven state (``state``, an index) and a nearby road user; ``ego`` and ``other`` have shape (n,).
 
     ``track``: an index into the moving road users, followed by the standing road users.
@@ -93,7 +93,7 @@ def drive_criticality(ego: Track, moving: Iterable[Track], standing: Iterable[Tr
     )
 
 
-def encounters(ego: Track, moving: Iterable[Track], standing: Iterable[Track] = ()) -> _Encounters:
+def encounters(ego: Track, moving: Iterable[Track], standing: Iterable[Track] = ()) -> Encounters:
     """Return all pairs of a state of the ego and a road user within 60 m of it, centre to centre."""
     steps = np.arange(ego.first_step, ego.last_step + 1)
     centers = ego.positions
@@ -112,7 +112,7 @@ def encounters(ego: Track, moving: Iterable[Track], standing: Iterable[Track] = 
     other = np.concatenate(states) if states else np.zeros((0, 4))
     size = np.concatenate(sizes) if sizes else np.zeros((0, 2))
     own_size = np.tile([ego.length_m, ego.width_m], (len(state), 1))
-    return _Encounters(
+    return Encounters(
         state,
         track_of,
         MovingRectangles(centers[state], ego.headings_rad[state], own_size, ego.speeds_mps[state]),
@@ -162,7 +162,7 @@ def _directions(headings_rad: Values) -> Points:
     return np.stack([np.cos(headings_rad), np.sin(headings_rad)], axis=1)
 
 
-def gaps_m(met: _Encounters) -> Values:
+def gaps_m(met: Encounters) -> Values:
     """Return the distances between the rectangles of all pairs, 0 if they overlap, shape (n,)."""
     import shapely
 
@@ -173,7 +173,7 @@ def gaps_m(met: _Encounters) -> Values:
     return gaps
 
 
-def driving_times_s(ahead_m: Values, met: _Encounters) -> Values:
+def driving_times_s(ahead_m: Values, met: Encounters) -> Values:
     """Return the time in s in which the ego covers a distance at its speed; infinite while it stands.
 
     Time headway as in Vogel 2003 (a comparison of headway and time to collision) is from front to front, the time gap
@@ -196,7 +196,7 @@ class _Ahead:
     aside_m: Values
 
 
-def ahead_of(ego: Track, met: _Encounters) -> _Ahead:
+def ahead_of(ego: Track, met: Encounters) -> _Ahead:
     """Return the gaps to other road users along the ego's path, their speeds along it, and their distance from it.
 
     The path is what the ego drove afterwards, extended straight ahead; a vehicle is ahead if it is on that path
@@ -227,7 +227,7 @@ def risk_scores(gaps_m: Values, times_to_collision: Values) -> NDArray[np.intp]:
     return scores
 
 
-def _on_path(path: Points, stations: Values, met: _Encounters) -> tuple[Values, Values, Values]:
+def _on_path(path: Points, stations: Values, met: Encounters) -> tuple[Values, Values, Values]:
     """Return the path's arc length, distance and heading at the point nearest to each road user, shapes (n,).
 
     Only the path after the ego's state counts: on a route that crosses itself, road users behind the ego must not be

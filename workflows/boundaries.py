@@ -16,7 +16,7 @@ import anyio
 from ..engine.catalog import open_catalogue
 from ..engine.execution import JobProgress
 from ..engine.exploration import ROADS, BoundarySearch, area_of, concrete_edits
-from ..engine.workspace import Artifact, Recipe, versions_of
+from ..engine.workspace import Artifact, Recipe, append_text, versions_of
 from ..schemas.boundaries import (
     LATTICE,
     BoundaryMap,
@@ -50,12 +50,12 @@ from .scenarios import one_scenario
 _TOOL = "explore_boundary"
 EXPLORED_FOLDER = "explored"
 """The workspace's folder of evaluated points, here and of searches for failures."""
-_BATCH = 8
+BATCH = 8
 """Points of a batch (chosen): a few seconds of work, so progress is steady and an interruption loses little."""
 _MOST_SLICES = 6
 """The most maps of one planner (chosen), since each is a whole exploration."""
 _SHOWN_REASONS = 2
-_RANKS = {
+RANKS = {
     ("failed_avoidably", "safe"): 0,
     ("failed_unavoidably", "safe"): 0,
     ("failed_avoidably", "failed_unavoidably"): 1,
@@ -283,7 +283,7 @@ class _Exploration:
         is_reference: bool,
     ) -> BoundaryMap:
         budget = self.plan.arguments.points
-        search = BoundarySearch(budget, _RANKS, self.plan.arguments.seed)
+        search = BoundarySearch(budget, RANKS, self.plan.arguments.seed)
         found: dict[tuple[int, int], Evaluation] = {}
 
         def done(place: tuple[int, int], evaluation: Evaluation) -> None:
@@ -323,7 +323,7 @@ class _Exploration:
         done: Callable[[tuple[int, int], Evaluation], None],
     ) -> None:
         """Evaluate places in batches on all workers, and keep each batch as soon as it is done."""
-        waiting = [places[begin : begin + _BATCH] for begin in range(0, len(places), _BATCH)]
+        waiting = [places[begin : begin + BATCH] for begin in range(0, len(places), BATCH)]
 
         async def work() -> None:
             while waiting:
@@ -379,13 +379,16 @@ class _Exploration:
         batch: Sequence[tuple[int, int]],
         evaluations: Sequence[Evaluation],
     ) -> None:
+        """Append a batch to the kept evaluations.
+
+        Raises:
+            ResourceFailure: the disk is full.
+        """
         lines = [
             json.dumps({"key": _key(configuration, at, place), "evaluation": one.model_dump(mode="json")}) + "\n"
             for place, one in zip(batch, evaluations, strict=True)
         ]
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        with self._path.open("a", encoding="utf-8") as stream:
-            stream.write("".join(lines))
+        append_text(self._path, "".join(lines), "the exploration")
 
 
 def _values(axes: tuple[Parameter, Parameter], place: tuple[int, int], at: dict[str, float]) -> dict[str, float]:

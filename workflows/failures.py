@@ -4,7 +4,8 @@ A search is a job. Every evaluated batch is stored, so an interrupted search, or
 continues where the last one stopped. The failures that it finds are ordinary edited scenarios with their runs.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -45,11 +46,10 @@ _MOST_TRIED = 6
 """A search ends after this many proposals per run, if most are implausible (chosen)."""
 
 
-class _Kept(Model):
-    """The points that a search has evaluated so far."""
+class _Batch(Model):
+    """A batch of a search: one line of the file of evaluated points."""
 
-    space: SearchSpace
-    points: tuple[EvaluatedPoint, ...] = ()
+    points: tuple[EvaluatedPoint, ...]
 
 
 @dataclass
@@ -63,7 +63,12 @@ class _Search:
     setting: EncounterSetting
     digest: str
     space: SearchSpace | None = None
-    points: list[EvaluatedPoint] = field(default_factory=list)
+    batches: list[_Batch] = field(default_factory=list)
+
+    @property
+    def points(self) -> list[EvaluatedPoint]:
+        """The evaluated points, in the order of their proposal."""
+        return [point for batch in self.batches for point in batch.points]
 
     @property
     def runs(self) -> int:
@@ -72,8 +77,8 @@ class _Search:
 
     @property
     def path(self) -> Path:
-        """The file with the evaluated points."""
-        return self.context.workspace.root / EXPLORED_FOLDER / f"{self.digest}.json"
+        """The file of evaluated points: a line with the search space, then a line for each batch."""
+        return self.context.workspace.root / EXPLORED_FOLDER / f"{self.digest}.jsonl"
 
     def cells(self, points: Sequence[EvaluatedPoint]) -> dict[str, list[EvaluatedPoint]]:
         """Return the failures among points by cell, in the order in which they were found."""
@@ -102,16 +107,20 @@ class _Search:
         return self.runs >= self.arguments.runs or len(self.points) >= _MOST_TRIED * self.arguments.runs
 
     def resume(self) -> None:
-        """Read the points that an earlier search stored."""
-        if self.path.is_file():
-            kept = _Kept.model_validate_json(self.path.read_bytes())
-            self.space, self.points = kept.space, [*kept.points]
+        """Read the points that an earlier search stored, up to a damaged line: later points depend on earlier ones."""
+        lines = self.path.read_bytes().splitlines() if self.path.is_file() else []
+        with suppress(ValueError):
+            for number, line in enumerate(lines):
+                if number == 0:
+                    self.space = SearchSpace.model_validate_json(line)
+                else:
+                    self.batches.append(_Batch.model_validate_json(line))
 
     def keep(self) -> None:
         """Store the points evaluated so far, replacing the whole file."""
         if self.space is None:
             return
-        _write(self.path, _Kept(space=self.space, points=tuple(self.points)), self.context)
+        _write(self.path, (self.space, *self.batches), self.context)
 
     async def open(self) -> SearchSpace:
         """Return the search space, from an earlier search or derived now.
@@ -160,7 +169,8 @@ class _Search:
         async with anyio.create_task_group() as tasks:
             for number in range(workers):
                 tasks.start_soon(evaluate, number)
-        self.points += [done[index % workers][index // workers] for index in range(len(proposed.points))]
+        points = (done[index % workers][index // workers] for index in range(len(proposed.points)))
+        self.batches.append(_Batch(points=tuple(points)))
 
     async def _record(self, space: SearchSpace, progress: JobProgress) -> FailureSearchRecord:
         points = self.within_budget
@@ -364,7 +374,10 @@ def _kept_record(recipe: Recipe, context: WorkflowContext) -> FailureSearchRecor
     path = _record_path(recipe, context)
     if not path.is_file():
         return None
-    record = FailureSearchRecord.model_validate_json(path.read_bytes())
+    try:
+        record = FailureSearchRecord.model_validate_json(path.read_bytes())
+    except ValueError:  # a damaged file: the search itself is kept apart
+        return None
     stored = all(
         context.workspace.find("scenario", one.scenario_id) and context.workspace.find("run", one.run_id)
         for one in record.failures
@@ -374,13 +387,17 @@ def _kept_record(recipe: Recipe, context: WorkflowContext) -> FailureSearchRecor
 
 def _keep_record(record: FailureSearchRecord, recipe: Recipe, context: WorkflowContext) -> None:
     """Store the record of a finished search."""
-    _write(_record_path(recipe, context), record, context)
+    _write(_record_path(recipe, context), (record,), context)
 
 
-def _write(path: Path, content: Model, context: WorkflowContext) -> None:
-    """Write a file of the workspace, replacing an earlier version as a whole."""
+def _write(path: Path, lines: Iterable[Model], context: WorkflowContext) -> None:
+    """Write a file of the workspace, replacing an earlier version as a whole.
+
+    Raises:
+        ResourceFailure: the disk is full.
+    """
     with context.workspace.scratch() as folder:
         made = folder / path.name
-        write_text(made, content.model_dump_json(), "the search")
+        write_text(made, "".join(f"{line.model_dump_json()}\n" for line in lines), "the search")
         path.parent.mkdir(parents=True, exist_ok=True)
         made.replace(path)

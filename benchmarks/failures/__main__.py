@@ -7,6 +7,9 @@ keys:
 - ``sound``: ``reproduced``, ``plausible``, ``shrink_users``, ``shrink_runs``, ``shrink_same`` (stored failures judged
   again, apart; their reduction).
 - ``over_peers``: ``over_best_peer``, ``cells_150`` (distinct failures over those of other searches).
+- ``speed``: ``evaluations_frenetix``, ``evaluations_fiss``, ``evaluations_idm``, ``boundary_frenetix_s``,
+  ``boundary_idm_s`` (processor time).
+- ``edges``: ``adaptive_share`` (points of the search of boundaries over a grid's with the same error).
 
 Everything is repeated by its seeds; ``--seeds``, ``--bases`` and ``--runs`` set the sample. NSGA-II needs the package
 in ``peers_requirements.txt``.
@@ -25,6 +28,14 @@ PARTS: Parts[FailuresBench] = Parts(
         "planted": ("planted_common", "planted_rare"),
         "sound": ("reproduced", "plausible", "shrink_users", "shrink_runs", "shrink_same"),
         "over_peers": ("over_best_peer", "cells_150"),
+        "speed": (
+            "evaluations_frenetix",
+            "evaluations_fiss",
+            "evaluations_idm",
+            "boundary_frenetix_s",
+            "boundary_idm_s",
+        ),
+        "edges": ("adaptive_share",),
     },
 )
 """The parts in the order of measurement, and the keys that each owes."""

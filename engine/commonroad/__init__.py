@@ -12,6 +12,7 @@
 ``schema_errors``: Return a file's violations of CommonRoad's XML schema (2020a) and of its naming of benchmarks.
 ``schema_faults``: Return the violations of CommonRoad's schema (2020a) by a file's tree, with their locations.
 ``EditedMotions``: What edits in memory prescribe: ids of road users, and scripts.
+``MadeOnce``: What is derived from a scenario and made once, by key.
 ``PlainStates``: The states of a trajectory after the initial one, as arrays.
 ``LoadedScenario``: A CommonRoad scenario in memory, with its planning problems and its source file.
 ``RecordedScenario``: A scenario with its recording as tracks.
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
         set_friction,
         without_scripts,
     )
+    from .made_once import MadeOnce
     from .plain_states import PlainStates
     from .reader import (
         EditedMotions,

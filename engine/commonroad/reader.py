@@ -46,6 +46,7 @@ from .document import (
     script_texts,
 )
 from .lanelet_networks import scenario_of
+from .made_once import MadeOnce
 from .plain_states import PlainStates, cut_states, put_states, remove_plain_states, remove_states
 from .recordings import FOLDER_VARIABLE, Recording, RecordingStore
 from .tracks import Track, recorded_tracks
@@ -92,7 +93,8 @@ class LoadedScenario:
     ``plain_states``: by obstacle id, the states after the initial one that were read as arrays: points and exact
     headings. ``ego_classes``: the ego's class by planning problem; cars are left out. ``friction``: the friction
     coefficient of the roads, or None if the file has none. ``edited``: what edits in memory prescribe; None if the
-    scenario is as in its file, which then contains these.
+    scenario is as in its file, which then contains these. ``made``: what runs derive from roads and planning problems,
+    shared by scenarios with the same roads.
     """
 
     scenario: "Scenario"
@@ -103,6 +105,7 @@ class LoadedScenario:
     ego_classes: Mapping[int, str] = field(default_factory=dict)
     friction: float | None = None
     edited: EditedMotions | None = None
+    made: MadeOnce = field(default_factory=MadeOnce, repr=False, compare=False)
 
     @property
     def prescribed_ids(self) -> frozenset[int]:

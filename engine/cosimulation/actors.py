@@ -87,8 +87,14 @@ class Actor:
 
     def pose_at(self, index: int) -> tuple[float, float, float]:
         """Return the front bumper (x, y) in m and the angle in SUMO's degrees, as :meth:`Sumo.move_to` takes them."""
-        x, y = self.track.positions[index].tolist()
-        return sumo_pose(x, y, float(self.track.headings_rad[index]), self.track.length_m)
+        if index not in self._poses:
+            x, y = self.track.positions[index].tolist()
+            self._poses[index] = sumo_pose(x, y, float(self.track.headings_rad[index]), self.track.length_m)
+        return self._poses[index]
+
+    @cached_property
+    def _poses(self) -> dict[int, tuple[float, float, float]]:
+        return {}
 
     def stands_at(self, index: int) -> bool:
         """Return True if the vehicle stands at a state and at the state before, at the same pose."""
@@ -228,7 +234,12 @@ def _lanes_to(scene: Scene, plan: DrivePlan, aims: frozenset[int], target: LaneH
 
 
 def replayed_actor(scene: Scene, track: Track, match: LaneMatch) -> Actor:
-    """Return an actor that follows its track and is visible to the driven vehicles."""
+    """Return an actor that follows its track and is visible to the driven vehicles; made once for a track."""
+    key = "replayed actor", id(track), id(match)
+    return scene.made.get(key, lambda: _replayed_actor(scene, track, match), track, match)
+
+
+def _replayed_actor(scene: Scene, track: Track, match: LaneMatch) -> Actor:
     route = scene.edge_graph.route(match.sequence) or scene.edge_graph.route(match.sequence[:1])
     edges = route or next(iter(scene.layout.edges.items()))[:1]
     behaviour = usual_behaviour(class_of(track.kind)).on_road(scene.friction)

@@ -31,6 +31,8 @@ _LOOK_M = 250.0
 _JOIN_M = 30.0
 """Beyond its recording a vehicle returns to the centre of its lane within this distance (chosen)."""
 
+_CERTAINLY_APART = 1.0 + 1e-9
+"""Squared distances above the limit by this factor are above it whatever the rounding."""
 RAMP_SHARE = 1.0 / 6.0
 """The share of a lateral motion in which it reaches its speed, and in which it comes to rest again (chosen)."""
 
@@ -110,6 +112,9 @@ def _path(points: Points, base: Track) -> tuple[Points, NDArray[np.intp]]:
     """Return the points without repeats, and each point's new index; a single point gets a second one straight
     ahead.
     """
+    steps = np.diff(points, axis=0)
+    if len(steps) and float((steps * steps).sum(axis=1).min()) > _CERTAINLY_APART * _REPEATED_M**2:
+        return points, np.arange(len(points))
     kept, places = [points[0]], [0]
     for point in points[1:]:
         if float(np.linalg.norm(point - kept[-1])) > _REPEATED_M:

@@ -96,11 +96,12 @@ def prescribed(
     first = min(act.from_step for act in (*earlier, *part.acts))
     before = changes.replays.get(vehicle_id)
     script = None if before is None else before.script
-    if script is None:
+    if script is None and (dodges or part.trigger is not None):
         script = Script(scripted_track(base, earlier, ahead, scene.last_step, scene.step_s) or base)
-    script = Script(script.base, (*script.parts, part), script.dodges or dodges)
-    changes = with_motion(scene, changes, vehicle_id, track, first, script if script.depends_on_ego else None)
-    return changes, base, track
+    if script is not None:
+        script = Script(script.base, (*script.parts, part), script.dodges or dodges)
+    depends = script is not None and script.depends_on_ego
+    return with_motion(scene, changes, vehicle_id, track, first, script if depends else None), base, track
 
 
 def with_motion(

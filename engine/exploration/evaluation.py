@@ -10,10 +10,12 @@ import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...schemas.errors import InvalidRequest
 from ...schemas.exploration import AvoidingDriver, EncounterSetting, Evaluation
@@ -22,9 +24,10 @@ from ...schemas.reviews import CAREFUL_DRIVERS, Contact
 from ...schemas.runs import RunRecord
 from ..analysis import contact_in, driven_tracks, drivers_that_avoid
 from ..commonroad import LoadedScenario, Track, kept_recording, static_tracks
-from ..criticality import encounters, gaps_m, times_to_collision_s
+from ..criticality import Encounters, encounters, gaps_m, times_to_collision_s
 from ..edits import EditableScenario, NeedsFile, apply_edits
 from ..execution import silent
+from ..geometry import Values
 from ..planners import (
     DrivenRun,
     EgoState,
@@ -34,6 +37,7 @@ from ..planners import (
     check_world,
     driven_ego,
     ended_after,
+    is_built_in,
     lane_line,
     make_planner,
     needs_file,
@@ -67,6 +71,41 @@ class _Point:
     manoeuvres: Mapping[int, str]
     infeasible: tuple[int, ...]
     path: Path | None = None
+
+
+@dataclass(frozen=True)
+class Nearness:
+    """How near other road users came to the ego: gaps (n,) in m and times to collision (n,) in s.
+
+    ``others``: the road users; ``other`` (n,): the index of the one that each value belongs to.
+    """
+
+    others: tuple[Track, ...]
+    other: NDArray[np.intp]
+    gaps_m: Values
+    times_s: Values
+
+    @classmethod
+    def of(cls, met: Encounters, others: tuple[Track, ...]) -> "Nearness":
+        """Return the gaps and times of a drive's encounters."""
+        return cls(others, met.track, gaps_m(met), times_to_collision_s(met.ego, met.other))
+
+    def least(self, counts: Callable[[Track], bool]) -> tuple[float, float] | None:
+        """Return the smallest gap and time to collision to road users that count, or None if none of them was near."""
+        own = np.isin(self.other, [index for index, track in enumerate(self.others) if counts(track)])
+        return (float(self.gaps_m[own].min()), float(self.times_s[own].min())) if own.any() else None
+
+
+@dataclass(frozen=True)
+class DrivenPoint:
+    """How the planner fares at a point, with its run; None if there was no run.
+
+    ``nearness``: of a run without a failure in which other road users came near.
+    """
+
+    evaluation: Evaluation
+    run: DrivenRun | None = None
+    nearness: Nearness | None = None
 
 
 class Evaluator:
@@ -108,10 +147,10 @@ class Evaluator:
             PlannerFailure: a user-supplied planner broke its contract.
             WorkerFailure: SUMO stopped.
         """
-        return self.driven(edits)[0]
+        return self.driven(edits).evaluation
 
-    def driven(self, edits: Sequence[Edit]) -> tuple[Evaluation, DrivenRun | None]:
-        """Return the same evaluation as ``evaluate``, together with the run; None if there was no run.
+    def driven(self, edits: Sequence[Edit]) -> DrivenPoint:
+        """Return the same evaluation as ``evaluate``, together with the run.
 
         Raises:
             PlannerFailure: a user-supplied planner broke its contract.
@@ -119,7 +158,7 @@ class Evaluator:
         """
         point = self._point(edits)
         if isinstance(point, str):
-            return Evaluation(outcome="implausible", reason=point, end="not_run"), None
+            return DrivenPoint(Evaluation(outcome="implausible", reason=point, end="not_run"))
         return self._run(point)
 
     def edited(self, edits: Sequence[Edit]) -> LoadedScenario | None:
@@ -169,7 +208,7 @@ class Evaluator:
         done = ((report.op, report.vehicles) for report in outcome.edits)
         return _Point(kept_recording(path, keep=False).loaded, _manoeuvres(done), infeasible, path)
 
-    def _run(self, point: _Point) -> tuple[Evaluation, DrivenRun]:
+    def _run(self, point: _Point) -> DrivenPoint:
         setting, loaded = self._setting, point.loaded
         problem = loaded.problem(setting.problem_id)
         vehicle = vehicle_of(setting.configuration.settings, loaded.ego_class(int(problem.planning_problem_id)))
@@ -192,8 +231,11 @@ class Evaluator:
                 world=setting.world,
                 seed=setting.seed,
                 is_over=ending.is_over,
+                made=loaded.made if is_built_in(setting.configuration.planner) else None,
             )
-        return _Judged(setting, point, problem, vehicle, run).evaluation(ending), run
+        judged = _Judged(setting, point, problem, vehicle, run)
+        evaluation = judged.evaluation(ending)
+        return DrivenPoint(evaluation, run, judged.nearness if evaluation.outcome == "safe" else None)
 
 
 def _manoeuvres(done: Iterable[tuple[EditOperation, Sequence[int]]]) -> dict[int, str]:
@@ -280,13 +322,15 @@ class _Judged:
                 run_outcome="invalid",
                 end="not_run",
             )
-        found = self._nearest()
         if verdict is None:
             end = "encounter_over" if ending.by_encounter else "horizon"
-            return found.model_copy(update={"end": end, "reason": _STOPPED[end]})
-        found = found.model_copy(update={"run_outcome": verdict.outcome, "reason": verdict.reason})
+            return self._nearest().model_copy(update={"end": end, "reason": _STOPPED[end]})
+        ended = {"run_outcome": verdict.outcome, "reason": verdict.reason}
+        if verdict.outcome == "collision" and (contact := self._contact()) is not None:
+            return self._after_contact(self._safe.model_copy(update=ended), contact)
+        found = self._nearest().model_copy(update=ended)
         if verdict.outcome == "collision":
-            return self._after_contact(found)
+            return found.model_copy(update={"outcome": "failed_unavoidably"})
         if verdict.outcome in ("off_road", "infeasible"):
             return self._after_failure(found)
         return found
@@ -295,18 +339,30 @@ class _Judged:
     def _step_s(self) -> float:
         return self.point.loaded.step_s
 
+    @property
+    def _safe(self) -> Evaluation:
+        return Evaluation(outcome="safe", reason="", steps=len(self.run.states) - 1)
+
+    @cached_property
+    def _met(self) -> Encounters:
+        traffic = self.run.traffic
+        return encounters(driven_ego(self.run.states, self.vehicle), traffic.moving, traffic.standing)
+
+    @cached_property
+    def nearness(self) -> Nearness | None:
+        """How near other road users came, or None if the ego met no road user."""
+        traffic, met = self.run.traffic, self._met
+        return Nearness.of(met, (*traffic.moving, *traffic.standing)) if len(met.state) else None
+
     def _nearest(self) -> Evaluation:
         """Return the smallest gap and time to collision of a run without a failure."""
-        ego, traffic = driven_ego(self.run.states, self.vehicle), self.run.traffic
-        others = (*traffic.moving, *traffic.standing)
-        met = encounters(ego, traffic.moving, traffic.standing)
-        safe = Evaluation(outcome="safe", reason="", steps=len(self.run.states) - 1)
-        if not len(met.state):
-            return safe
-        gaps, times = gaps_m(met), times_to_collision_s(met.ego, met.other)
+        near, met = self.nearness, self._met
+        if near is None:
+            return self._safe
+        gaps, times = near.gaps_m, near.times_s
         nearest, soonest = int(np.argmin(np.round(gaps, 9))), float(times.min())
-        other = others[int(met.track[nearest])]
-        return safe.model_copy(
+        other = near.others[int(near.other[nearest])]
+        return self._safe.model_copy(
             update={
                 "counterpart_id": other.obstacle_id,
                 "counterpart_class": other.kind,
@@ -332,11 +388,8 @@ class _Judged:
             }
         )
 
-    def _after_contact(self, found: Evaluation) -> Evaluation:
+    def _after_contact(self, found: Evaluation, contact: Contact) -> Evaluation:
         """Evaluate a collision: its contact, and the verdicts of the reference drivers."""
-        contact = self._contact()
-        if contact is None:
-            return found.model_copy(update={"outcome": "failed_unavoidably"})
         key = contact.obstacle_id
         return found.model_copy(
             update={

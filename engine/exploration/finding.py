@@ -6,7 +6,7 @@ value that counts as safe.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -26,14 +26,12 @@ from ...schemas.failures import (
     SpaceRequest,
 )
 from ...schemas.modification import Edit
-from ..commonroad import Track
-from ..criticality import encounters, gaps_m, times_to_collision_s
 from ..execution import ProgressReporter
-from ..planners import DrivenRun, driven_ego, lane_line
+from ..planners import DrivenRun, lane_line
 from ..scene import Scene
 from ..vehicles import vehicle_of
 from .concrete import concrete_edits
-from .evaluation import Evaluator
+from .evaluation import DrivenPoint, Evaluator, Nearness
 from .search import FailureSearch, Score, Stratum
 from .shrinking import Trials, minimal_subset, nearest_values, smallest
 from .spaces import NominalMotion, SpaceBuilder, is_feasible, values_at
@@ -59,7 +57,8 @@ def open_space(request: SpaceRequest, report: ProgressReporter) -> SearchSpace:
     setting = request.setting
     with Evaluator(setting) as evaluator:
         report(0.0, "the planner drives in the unchanged base")
-        base, run = evaluator.driven(())
+        first = evaluator.driven(())
+        base, run = first.evaluation, first.run
         loaded = evaluator.edited(())
         if base.outcome != "safe" or run is None or loaded is None:
             return SearchSpace(base=base)
@@ -117,36 +116,30 @@ def evaluated(
     except InvalidRequest as refusal:
         refused = Evaluation(outcome="implausible", reason=refusal.message, end="not_run")
         return EvaluatedPoint(point=point, evaluation=refused, score=PointScore(value=None))
-    evaluation, run = evaluator.driven(edits)
-    score = scored(stratum, evaluation, run, recorded)
-    return EvaluatedPoint(point=point, edits=edits, evaluation=evaluation, score=score)
+    driven = evaluator.driven(edits)
+    score = scored(stratum, driven, recorded)
+    return EvaluatedPoint(point=point, edits=edits, evaluation=driven.evaluation, score=score)
 
 
-def scored(
-    stratum: LogicalScenario, evaluation: Evaluation, run: DrivenRun | None, recorded: Sequence[int]
-) -> PointScore:
+def scored(stratum: LogicalScenario, driven: DrivenPoint, recorded: Sequence[int]) -> PointScore:
     """Return the score of a point."""
-    if run is None or not evaluation.counts_as_run:
+    evaluation = driven.evaluation
+    if driven.run is None or not evaluation.counts_as_run:
         return PointScore(value=None)
     if evaluation.outcome == "failed_avoidably":
         speed = evaluation.ego_speed_mps or 0.0
         return PointScore(value=round(-1.0 - speed / _FASTEST_MPS, 4), cell=cell_of(stratum, evaluation, recorded))
     if evaluation.outcome == "failed_unavoidably":
         return PointScore(value=UNAVOIDABLE)
-    own = [track for track in run.traffic.moving if _is_own(stratum, track.obstacle_id, recorded)]
-    standing = [track for track in run.traffic.standing if _is_own(stratum, track.obstacle_id, recorded)]
-    return PointScore(value=round(_margin(run, own, standing), 4))
+    return PointScore(value=round(_margin(driven.nearness, lambda key: _is_own(stratum, key, recorded)), 4))
 
 
-def _margin(run: DrivenRun, moving: Sequence[Track], standing: Sequence[Track]) -> float:
-    """Return the smallest margin between the ego and some road users: 0 at contact, 1 if none of them comes near."""
-    if run.task is None:
+def _margin(near: Nearness | None, counts: Callable[[int], bool]) -> float:
+    """Return the smallest margin between the ego and some road users: 0 at contact, 1 if no road user comes near."""
+    least = None if near is None else near.least(lambda track: counts(track.obstacle_id))
+    if least is None:
         return 1.0
-    met = encounters(driven_ego(run.states, run.task.vehicle), moving, standing)
-    if not len(met.state):
-        return 1.0
-    gap = min(float(gaps_m(met).min()), SAFE_GAP_M) / SAFE_GAP_M
-    soonest = float(times_to_collision_s(met.ego, met.other).min())
+    gap, soonest = min(least[0], SAFE_GAP_M) / SAFE_GAP_M, least[1]
     return (gap + (min(soonest, SAFE_TTC_S) / SAFE_TTC_S if math.isfinite(soonest) else 1.0)) / 2.0
 
 

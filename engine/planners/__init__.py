@@ -30,6 +30,7 @@
 ``programs_named``: Registers the programs in the settings as planners while a block runs, in workers too.
 ``known_planner``: Returns a planner's registered name; raises ``UnknownName`` if there is no such planner.
 ``make_planner``: Creates a planner by its name.
+``is_built_in``: Returns whether a planner is not user-supplied.
 ``needs_file``: Returns whether a planner is a program, which reads the scenario's file.
 ``ScenarioFile``: The file of a scenario, for planners that are programs.
 ``ended_after``: Ends a planner's program after a block.
@@ -94,6 +95,7 @@ if TYPE_CHECKING:
         built_in_version,
         check_modes,
         check_world,
+        is_built_in,
         known_planner,
         make_planner,
         needs_file,

@@ -5,12 +5,13 @@ Planners that satisfy :class:`Planner` run in the loop of ``simulation.py``; ``e
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
 from ...schemas.planning import PlannerConfiguration
+from ..commonroad import MadeOnce
 from ..geometry import Points, Values
 from ..vehicles import VehicleParameters
 
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from .reference_path import ReferencePath
 
 PlanKind = Literal["regular", "standstill", "stopping"]
+_MOST_MADE = 16
+"""Values that planners derive from a task and keep (chosen): a planner has about five."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +98,8 @@ class PlanningTask:
     """Everything that stays the same during a run; a planner knows only the traffic that it observes.
 
     ``aim``: the goal state that the reference path leads to, if the problem has several; None means the problem's goal.
+    ``made``: what planners derive from network, reference path, vehicle and time step. Runs of built-in planners with
+    the same start and goal share it.
     """
 
     network: "LaneletNetwork"
@@ -105,11 +110,16 @@ class PlanningTask:
     vehicle: VehicleParameters
     step_s: float
     aim: "GoalRegion | None" = None
+    made: MadeOnce = field(default_factory=lambda: MadeOnce(_MOST_MADE), repr=False, compare=False)
 
     @property
     def goal_ahead(self) -> "GoalRegion":
         """The goal to drive to: a single goal state if the problem has several."""
         return self.aim or self.problem.goal
+
+    def on_path(self, reference: "ReferencePath") -> "PlanningTask":
+        """Return the same task with another reference path."""
+        return replace(self, reference=reference, made=MadeOnce(_MOST_MADE))
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,8 @@ class Judge:
     """Judges every driven state against the road, the other road users, the goal and the time limit."""
 
     def __init__(self, task: PlanningTask, traffic: Traffic, initial: EgoState) -> None:
-        self._goal = goal = Goal(task.problem.goal)
+        region = task.problem.goal
+        self._goal = goal = task.made.get(("goal", id(region)), lambda: Goal(region), region)
         self._reference, self._road, self._traffic = task.reference, task.road, traffic
         self._vehicle, self._step_s = task.vehicle, task.step_s
         self._first_step = initial.step
@@ -46,7 +47,13 @@ class Judge:
         self.last_step = initial.step + min(ceil(_TIME_LIMIT_FACTOR * steps), _MOST_STEPS)
         self._follower = task.reference.follower()
         start_m = self._follower.place(initial.position)[0]
-        stations = goal.stations_on(task.reference.points, start_m) if goal.has_position else None
+        stations = None
+        if goal.has_position:
+            stations = task.made.get(
+                ("stations of the goal", id(region), start_m),
+                lambda: goal.stations_on(task.reference.points, start_m),
+                region,
+            )
         self._goal_end_m = None if stations is None else stations[1]
         self._was_clear_of_edge = not task.road.touches_edge(rectangle(initial, task.vehicle))
         self._stays: set[Timing] = set()  # the timings of the ego's steps in the goal's area

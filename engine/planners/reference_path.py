@@ -9,6 +9,7 @@ candidate of a planner that follows the centre line would then break a limit in 
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -87,12 +88,21 @@ class ReferencePath:
         """Return the length in m along the centre lines between two stations; negative if ``last_m`` is smaller."""
         if self.center_m is None:
             return last_m - first_m
-        first, last = np.interp([first_m, last_m], arc_length(self.points), self.center_m)
+        first, last = np.interp([first_m, last_m], self.stations_m, self.center_m)
         return float(last - first)
 
     def follower(self) -> PathFollower:
         """Return a follower of the ego along the path, which may pass a point twice (a roundabout, a loop)."""
-        return PathFollower(self.points, self.start_m)
+        return self._line.beginning_at(self.start_m)
+
+    @cached_property
+    def _line(self) -> PathFollower:
+        return PathFollower(self.points)
+
+    @cached_property
+    def stations_m(self) -> Values:
+        """The arc length of each point in m, shape (n,)."""
+        return arc_length(self.points)
 
 
 def build_reference_path(

@@ -81,6 +81,11 @@ def planner_names() -> tuple[str, ...]:
     return (*PLANNERS, *(each.name for each in others if not each.fault))
 
 
+def is_built_in(name: str) -> bool:
+    """Return True if a planner is not user-supplied."""
+    return known_planner(name) in PLANNERS
+
+
 def refused_planners() -> tuple[str, ...]:
     """Return why user-supplied planners cannot be used, one sentence each."""
     return tuple(each.fault for each in found_planners(PLANNERS).values() if each.fault)

@@ -9,6 +9,7 @@ sideways in curves. Stations are arc lengths in m of the rear axle's path.
 """
 
 import math
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,10 +49,21 @@ class RearAxlePath:
         self.stations_m, self._center_stations_m = arc_length(self._points), arc_length(path)
         self._center_station = Lookup(self.stations_m, self._center_stations_m)
         self._end_m = float(self.stations_m[-1])
-        begin_m = None if begin_m is None else float(np.interp(begin_m, self._center_stations_m, self.stations_m))
-        self._follower = PathFollower(self._points, begin_m)
-        self._position = CubicSpline(self.stations_m, self._points)
-        self._first, self._second = self._position.derivative(1), self._position.derivative(2)
+        self._begin_m = None if begin_m is None else float(np.interp(begin_m, self._center_stations_m, self.stations_m))
+        self._follower = PathFollower(self._points, self._begin_m)
+        spline = CubicSpline(self.stations_m, self._points)
+        self._lowest = spline.x
+        coefficients = [one.c for one in (spline, spline.derivative(1), spline.derivative(2))]
+        # One row for each power of each coordinate of position, derivative and second derivative.
+        self._table = np.concatenate(
+            [row[::-1].transpose(0, 2, 1).reshape(-1, len(spline.x) - 1) for row in coefficients]
+        )
+
+    def anew(self) -> "RearAxlePath":
+        """Return the same path for another axle."""
+        other = copy(self)
+        other._follower = self._follower.beginning_at(self._begin_m)
+        return other
 
     def center_station(self, station: float) -> float:
         """Return the station in m of the centre on the path that it follows."""
@@ -61,8 +73,9 @@ class RearAxlePath:
         """Return the station in m nearest to a point (2,)."""
         station = self._follower.place(point)[0]
         for _ in range(6):  # Gauss-Newton from the nearest point of the chords; an error shrinks by offset / radius
-            along = self._first(station)
-            station += float((point - self._position(station)) @ along) / float(along @ along)
+            position, along, _ = self._spline(np.array([station]))
+            along = along[:, 0]
+            station += float((point - position[:, 0]) @ along) / float(along @ along)
             station = min(max(station, 0.0), self._end_m)
         return station
 
@@ -70,11 +83,32 @@ class RearAxlePath:
         """Return points (n, 2), headings (n,) in rad, and the derivatives of arc length and heading with respect to the
         station.
         """
-        stations = np.clip(stations, 0.0, self._end_m)
-        along, bending = self._first(stations), self._second(stations)
-        pace = np.linalg.norm(along, axis=1)
-        turn = (along[:, 0] * bending[:, 1] - along[:, 1] * bending[:, 0]) / pace**2
-        return self._position(stations), np.arctan2(along[:, 1], along[:, 0]), pace, turn
+        position, along, bending = self._spline(np.minimum(np.maximum(stations, 0.0), self._end_m))
+        return position.T, np.arctan2(along[1], along[0]), *_pace_and_turn(along, bending)
+
+    def pace_and_turn(self, stations: Values) -> tuple[Values, Values]:
+        """Return the derivatives of arc length and heading with respect to the station, as ``frame`` does."""
+        _, along, bending = self._spline(np.minimum(np.maximum(stations, 0.0), self._end_m), with_position=False)
+        return _pace_and_turn(along, bending)
+
+    def _spline(self, stations: Values, *, with_position: bool = True) -> tuple[Points, Points, Points]:
+        """Return position, derivative and second derivative at stations on the path, each (2, n).
+
+        The powers are added in the order of scipy's splines, so the values are the same to the last bit.
+        """
+        index = np.minimum(np.searchsorted(self._lowest, stations, side="right") - 1, len(self._lowest) - 2)
+        rows, beyond = self._table[:, index], stations - self._lowest[index]
+        squared = beyond * beyond
+        position = rows[:2]
+        if with_position:
+            position = rows[:2] + rows[2:4] * beyond + rows[4:6] * squared + rows[6:8] * (squared * beyond)
+        along = rows[8:10] + rows[10:12] * beyond + rows[12:14] * squared
+        return position, along, rows[14:16] + rows[16:18] * beyond
+
+
+def _pace_and_turn(along: Points, bending: Points) -> tuple[Values, Values]:
+    pace = np.sqrt(along[0] * along[0] + along[1] * along[1])
+    return pace, (along[0] * bending[1] - along[1] * bending[0]) / pace**2
 
 
 @dataclass(frozen=True)
@@ -117,26 +151,29 @@ class RearAxleCurve:
 
     def after(self, station: float, travelled_m: Values) -> Values:
         """Return the stations (n,) after distances (n,) in m along the curve, ascending from 0 at ``station``."""
-        stations = station + travelled_m
+        stations, driven = station + travelled_m, np.diff(travelled_m)
         for _ in range(3):
             middle = (stations[1:] + stations[:-1]) / 2
-            gained = np.diff(travelled_m) / self._motion(middle)[1]
-            stations = station + np.concatenate([[0.0], np.cumsum(gained)])
+            along, slope = self._direction(middle)
+            stations = np.empty_like(travelled_m)
+            stations[0] = 0.0
+            np.cumsum(driven / np.hypot(slope, along), out=stations[1:])
+            stations += station
         return stations
 
     def poses(self, stations: Values) -> tuple[Points, Values]:
         """Return points (n, 2) and unwrapped headings (n,) in rad."""
-        points, along_rad, _, _ = self.path.frame(stations)
-        offset, _ = self.fade.at(stations)
-        normal = np.stack([-np.sin(along_rad), np.cos(along_rad)], axis=1)
-        return points + offset[:, None] * normal, np.unwrap(along_rad + self._motion(stations)[0])
-
-    def _motion(self, stations: Values) -> tuple[Values, Values]:
-        """Return the curve's angle to the path in rad, and its length per metre of station."""
-        _, _, pace, turn = self.path.frame(stations)
+        points, along_rad, pace, turn = self.path.frame(stations)
         offset, slope = self.fade.at(stations)
-        along = np.maximum(pace - offset * turn, _LEAST_PACE)
-        return np.arctan2(slope, along), np.hypot(slope, along)
+        normal = np.stack([-np.sin(along_rad), np.cos(along_rad)], axis=1)
+        turned = np.arctan2(slope, np.maximum(pace - offset * turn, _LEAST_PACE))
+        return points + offset[:, None] * normal, np.unwrap(along_rad + turned)
+
+    def _direction(self, stations: Values) -> tuple[Values, Values]:
+        """Return the curve's derivatives with respect to the station, along the path and across it."""
+        pace, turn = self.path.pace_and_turn(stations)
+        offset, slope = self.fade.at(stations)
+        return np.maximum(pace - offset * turn, _LEAST_PACE), slope
 
 
 @dataclass(frozen=True)
@@ -183,9 +220,11 @@ class RouteFollower:
     """
 
     def __init__(self, task: PlanningTask) -> None:
-        reference = task.reference
+        reference, behind_m = task.reference, task.vehicle.rear_axle_behind_center_m
         self._task = task
-        self.path = RearAxlePath(reference.points, task.vehicle.rear_axle_behind_center_m, reference.start_m)
+        self.path = task.made.get(
+            "rear axle path", lambda: RearAxlePath(reference.points, behind_m, reference.start_m)
+        ).anew()
         self._kept: DrivenCurve | None = None
 
     def trajectory(

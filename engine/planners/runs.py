@@ -33,6 +33,7 @@ from .judge import Verdict
 from .registry import (
     check_modes,
     check_world,
+    is_built_in,
     make_planner,
     open_traffic,
     planner_version,
@@ -171,6 +172,7 @@ class _Start:
                 self.vehicle,
                 request.world,
                 request.seed,
+                made=self.loaded.made if is_built_in(request.configuration.planner) else None,
             )
 
 

@@ -13,6 +13,7 @@ from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import Prediction
 from ...schemas.text import shown_name
 from ...schemas.worlds import PERFECT, World
+from ..commonroad import MadeOnce
 from ..execution import ProgressReporter
 from ..geometry import Values, arc_length
 from ..perception import PoseError, Sensors, walls_of
@@ -106,6 +107,7 @@ def simulate(
     world: World = PERFECT,
     seed: int = 0,
     is_over: Callable[[DrivenRun], bool] | None = None,
+    made: MadeOnce | None = None,
 ) -> DrivenRun:
     """Run a planner on a planning problem until the judge ends it.
 
@@ -113,11 +115,12 @@ def simulate(
     with a code and without a plan. The traffic is recorded by default; reactive traffic must be at the ego's first
     step. ``vehicle``: the ego's vehicle; None selects the configuration's car. In an imperfect ``world`` the planner
     receives what its sensors report, with random numbers from ``seed``; the judge sees the truth. ``is_over``: called
-    after every step that the judge does not end; True stops the run without a verdict.
+    after every step that the judge does not end; True stops the run without a verdict. ``made``: stores the tasks of
+    the scenario's runs, for planners that do not change them.
     """
     ego = EgoState.of(problem.initial_state)
     run = DrivenRun([ego], traffic or RecordedTraffic(scenario))
-    task = _task(scenario, problem, configuration, ego, vehicle or vehicle_of(configuration.settings))
+    task = _task(scenario, problem, configuration, ego, vehicle or vehicle_of(configuration.settings), made)
     if isinstance(task, Verdict):
         run.verdict = task
         return run
@@ -147,8 +150,29 @@ def _task(
     configuration: PlannerConfiguration,
     ego: EgoState,
     vehicle: VehicleParameters,
+    made: MadeOnce | None = None,
 ) -> PlanningTask | Verdict:
     """Return the task, or the reason why the problem is invalid."""
+    if made is None:
+        return _new_task(scenario, problem, configuration, ego, vehicle)
+    network, goal, horizon_s = scenario.lanelet_network, problem.goal, configuration.settings.horizon_s
+    start = ego.step, *ego.position.tolist(), ego.heading_rad, ego.speed_mps, ego.acceleration_mps2, ego.yaw_rate_radps
+    task = made.get(
+        ("task", id(network), id(goal), start, horizon_s, vehicle, float(scenario.dt)),
+        lambda: _new_task(scenario, problem, configuration, ego, vehicle),
+        network,
+        goal,
+    )
+    return task if isinstance(task, Verdict) else replace(task, problem=problem, configuration=configuration)
+
+
+def _new_task(
+    scenario: "Scenario",
+    problem: "PlanningProblem",
+    configuration: PlannerConfiguration,
+    ego: EgoState,
+    vehicle: VehicleParameters,
+) -> PlanningTask | Verdict:
     network, step_s = scenario.lanelet_network, float(scenario.dt)
     if not problem.goal.state_list:
         return Verdict.invalid("no_goal_state", "the planning problem has no goal state")
@@ -228,7 +252,7 @@ class _Loop:
             if not _stays_on(task.road, reference, ego, over_m):
                 continue
             run = DrivenRun([ego], stuck.traffic, blended_over_m=over_m)
-            blended = replace(task, reference=reference)
+            blended = task.on_path(reference)
             self.drive(blended, run, Judge(blended, run.traffic, ego))
             if not run.has_not_begun:
                 return run

@@ -1,12 +1,13 @@
 """A scenario prepared for edits and simulation: lanes as a SUMO network, vehicles on their lanelets, the ego."""
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..commonroad import LoadedScenario, Track, center_of, last_recorded_step, middle_of, static_tracks
+from ..commonroad import LoadedScenario, MadeOnce, Track, center_of, last_recorded_step, middle_of, static_tracks
 from ..geometry import Points, project
 from ..network import (
     LONG_LANELET_M,
@@ -30,6 +31,8 @@ from .poses import lanelets_of_pose
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
+_MOST_MADE = 4000
+"""What scenes keep of single tracks (chosen): a scenario has up to some hundreds of tracks, each on a few lanelets."""
 NOT_DRIVEN = ("pedestrian",)
 """Obstacle types that SUMO's vehicles cannot represent: they are replayed, never driven."""
 
@@ -85,6 +88,7 @@ class Scene:
     Computed on first use and cached: the graphs (``lanelet_graph``, ``driven_graph``, ``edge_graph``), the speeds of
     lanes, which are posted or usual speeds raised to the recorded ones (``straight_speeds_mps``, ``lane_speeds_mps``,
     ``driven_speeds_mps``, ``slow_places``), the traffic lights (``signals``) and SUMO's network (``sumo_net``).
+    ``made``: what is derived from the roads and from single tracks. Scenes after edits share it.
     """
 
     loaded: LoadedScenario
@@ -96,6 +100,7 @@ class Scene:
     last_step: int
     ego: Ego | None
     regions: tuple[_Region, ...] = ()
+    made: MadeOnce = field(default_factory=lambda: MadeOnce(_MOST_MADE), repr=False, compare=False)
 
     @classmethod
     def of(cls, loaded: LoadedScenario, problem_id: int | None = None) -> "Scene":
@@ -133,16 +138,19 @@ class Scene:
     @cached_property
     def edge_graph(self) -> EdgeGraph:
         """The graph of SUMO's edges, for routes."""
-        return EdgeGraph(self.layout)
+        return self.made.get("edge graph", lambda: EdgeGraph(self.layout))
 
     @cached_property
     def lanelet_graph(self) -> LaneletGraph:
         """The graph of the lanelets, with successors and lane changes."""
-        return LaneletGraph.of(self.network)
+        return self.made.get("lanelet graph", lambda: LaneletGraph.of(self.network))
 
     @cached_property
     def driven_graph(self) -> LaneletGraph:
         """The graph of the lanelets for SUMO's vehicles, which keep their lanes inside junctions."""
+        return self.made.get("driven graph", self._driven_graph)
+
+    def _driven_graph(self) -> LaneletGraph:
         outside, graph = self.layout.lane_of, self.lanelet_graph
         neighbours = {
             k: tuple(n for n in near if k in outside and n in outside) for k, near in graph.neighbours.items()
@@ -169,25 +177,42 @@ class Scene:
     @cached_property
     def lane_speeds_mps(self) -> dict[int, float]:
         """The speed of every drivable lanelet, lowered to the speed of its sharpest curve if that is less."""
-        return lowered_by_curves(self.layout, self.straight_speeds_mps, self.friction)
+        unlimited = dict.fromkeys(self.layout.table.lanes, math.inf)
+        in_curves = self.made.get("speeds in curves", lambda: lowered_by_curves(self.layout, unlimited, self.friction))
+        return {key: min(speed, in_curves[key]) for key, speed in self.straight_speeds_mps.items()}
 
     @cached_property
     def slow_places(self) -> dict[str, SlowPlaces]:
         """The curves of SUMO's lanes of long lanelets, by lane id: driven vehicles are slowed only in these curves."""
         straight, lanes = self.straight_speeds_mps, self.layout.table.lanes
         return {
-            f"{edge}_{index}": slow_places(lanes[key].center, straight[key], self._recorded_on(key), self.friction)
+            f"{edge}_{index}": self._slow_places_on(key, straight[key], tuple(self._recorded_on(key)))
             for key, (edge, index) in self.layout.lane_of.items()
             if lanes[key].length_m > LONG_LANELET_M and self.lane_speeds_mps[key] < straight[key]
         }
 
+    def _slow_places_on(
+        self, lanelet_id: int, straight_mps: float, recorded: tuple[tuple[float, float], ...]
+    ) -> SlowPlaces:
+        return self.made.get(
+            ("slow places", lanelet_id, straight_mps, recorded),
+            lambda: slow_places(self.layout.table.lanes[lanelet_id].center, straight_mps, recorded, self.friction),
+        )
+
     def _recorded_on(self, lanelet_id: int) -> list[tuple[float, float]]:
         """Return arc lengths in m on a lanelet, and the recorded speeds of vehicles at them."""
+        found = []
+        for key, match in self.matches.items():
+            if key in self.tracks and lanelet_id in match.lanelets:
+                track = self.tracks[key]
+                known = ("speeds", lanelet_id, id(track), id(match))
+                found += self.made.get(known, partial(self._speeds_on, lanelet_id, track, match), track, match)
+        return found
+
+    def _speeds_on(self, lanelet_id: int, track: Track, match: LaneMatch) -> list[tuple[float, float]]:
         center = self.layout.table.lanes[lanelet_id].center
         return [
-            (project(center, self.tracks[key].positions[index])[0], float(self.tracks[key].speeds_mps[index]))
-            for key, match in self.matches.items()
-            if key in self.tracks
+            (project(center, track.positions[index])[0], float(track.speeds_mps[index]))
             for index, lanelet in zip(match.indices, match.lanelets, strict=True)
             if lanelet == lanelet_id
         ]

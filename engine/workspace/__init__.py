@@ -7,6 +7,7 @@
 ``NewArtifact``: An artifact to store, with the files to copy.
 ``ArtifactKind``: The kinds of artifacts.
 ``Workspace``: A folder with all stored artifacts.
+``append_text``: Appends to a text file, or raises the error of a full disk.
 ``disk_failure``: Returns the error of a file or folder that cannot be written, by default one of the workspace.
 ``stage``: Copies the files of an artifact into a new folder, before the database is locked.
 ``write_text``: Writes a text file, or raises the error of a full disk.
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
         ArtifactKind,
         NewArtifact,
         Workspace,
+        append_text,
         disk_failure,
         stage,
         write_text,

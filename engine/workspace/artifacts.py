@@ -520,6 +520,20 @@ def write_text(path: Path, text: str, what: str) -> None:
         raise disk_failure(what, error, "free disk space and call again; finished parts are reused") from error
 
 
+def append_text(path: Path, text: str, what: str) -> None:
+    """Append to a file, which is created with its folder if it is missing; ``what`` names its content in the error.
+
+    Raises:
+        ResourceFailure: The disk is full, or the folder cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("a", encoding="utf-8") as stream:
+            stream.write(text)
+    except OSError as error:
+        raise disk_failure(what, error, "free disk space and call again; finished parts are reused") from error
+
+
 def disk_failure(
     what: object, error: OSError, next_step: str = "free disk space, or choose another --workspace"
 ) -> ResourceFailure:

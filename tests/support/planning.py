@@ -19,7 +19,6 @@ from commonroad.scenario.trajectory import Trajectory
 
 from plannerforge.engine.planners import safety
 from plannerforge.engine.planners.driving.following import FollowedPlan
-from plannerforge.engine.planners.frenetix import core as frenetix_core
 from plannerforge.engine.planners.frenetix import planner as frenetix_planner
 from plannerforge.engine.planners.frenetix.planner import Frenetix
 from plannerforge.engine.planners.interface import EgoState, Observation, Plan, PlanningTask
@@ -38,8 +37,7 @@ LANE_WIDTH_M = 3.5
 
 
 def as_planned(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Drive Frenetix's plans unchanged, even if a vehicle cannot, in frames that are made anew for each path."""
-    monkeypatch.setattr(frenetix_core, "kept_frame", frenetix_core.kept_frame.__wrapped__)
+    """Drive Frenetix's plans unchanged, even if a vehicle cannot."""
     for module in (safety, frenetix_planner):
         monkeypatch.setattr(module, "follow", lambda plan, *_: FollowedPlan(plan, 0.0, within_tyres=True))
 

@@ -15,7 +15,7 @@ from plannerforge.engine.exploration.logical import catalogue
 from plannerforge.engine.planners.runs import run_planner
 from plannerforge.engine.workspace import Workspace
 from plannerforge.schemas.boundaries import BoundaryRecord, ExploreBoundaryArguments, PointsRequest
-from plannerforge.schemas.errors import InvalidRequest, UnknownName
+from plannerforge.schemas.errors import InvalidRequest, ResourceFailure, UnknownName
 from plannerforge.schemas.modification import ModifyScenarioArguments
 from plannerforge.schemas.planning import RunRequest
 from plannerforge.schemas.rendering import RenderArguments
@@ -101,6 +101,16 @@ async def test_an_interrupted_exploration_continues_with_the_points_that_are_kep
     resumed, again = await explored(context)
     assert again == 9
     assert resumed == whole
+
+
+@pytest.mark.anyio
+async def test_points_that_cannot_be_kept_end_the_exploration_as_a_full_disk_does(context: WorkflowContext) -> None:
+    plan = await boundaries._plan(ExploreBoundaryArguments(**{**SMALL, "points": 31}), context)
+    path = context.workspace.root / "explored" / f"{plan.recipe().digest}.jsonl"
+    path.mkdir(parents=True)  # a folder cannot be written as a file
+    with pytest.raises(ExceptionGroup) as failure:
+        await explored(context, points=31)
+    assert failure.group_contains(ResourceFailure)
 
 
 @pytest.mark.anyio

@@ -144,6 +144,18 @@ async def test_a_search_until_the_first_failure_ends_with_it_and_reduces_it(whol
 
 
 @pytest.mark.anyio
+@pytest.mark.parametrize("lines", [0, 2])
+async def test_a_search_goes_on_from_the_last_whole_line_of_a_damaged_file(whole: Searched, lines: int) -> None:
+    (kept,) = (whole.workspace.root / "explored").glob("*.jsonl")
+    before = kept.read_text(encoding="utf-8").splitlines(keepends=True)
+    kept.write_text("".join(before[:lines]) + before[lines][:30], encoding="utf-8")
+    record, points = await searched(whole.workspace, progress())
+    assert points == whole.points
+    assert [one.edits for one in record.failures] == [one.edits for one in whole.record.failures]
+    assert kept.read_text(encoding="utf-8").splitlines(keepends=True) == before
+
+
+@pytest.mark.anyio
 async def test_a_base_that_fails_already_is_refused_with_its_failure(tmp_path: Path) -> None:
     standing = driving(31, (70, 0), 0.0, 151)
     workspace = workspace_with(tmp_path, town_road().with_vehicles(standing))

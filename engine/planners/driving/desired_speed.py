@@ -11,7 +11,8 @@ Each desired speed has a reason, a :data:`SpeedReason`:
 For comparisons, :class:`ReferenceDesiredSpeed` keeps the rule of the Frenetix reference loop.
 """
 
-from typing import TYPE_CHECKING, Literal
+from copy import copy
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 
@@ -121,7 +122,7 @@ class DesiredSpeed:
 
     def __init__(self, goal: Goal, reference: ReferencePath, step_s: float, cruising: CruisingSpeed) -> None:
         self._goal, self._step_s, self._cruising = goal, step_s, cruising
-        self._follower = reference.follower()
+        self._follower, self._start_m = reference.follower(), reference.start_m
         stations = goal.stations_on(reference.points, reference.start_m) if goal.has_position else None
         self._goal_station_m = None if stations is None else (stations[0] + stations[1]) / 2
         self._middle_step = (goal.states[0].first + goal.states[0].last) // 2
@@ -129,9 +130,24 @@ class DesiredSpeed:
     @classmethod
     def of(cls, task: PlanningTask) -> "DesiredSpeed":
         """Return the desired speed for a planning task."""
-        start_mps = EgoState.of(task.problem.initial_state).speed_mps
-        cruising = CruisingSpeed(task.network, task.reference, start_mps, task.vehicle.comfortable_mps2)
-        return cls(Goal(task.goal_ahead), task.reference, task.step_s, cruising)
+        start_mps, comfortable = EgoState.of(task.problem.initial_state).speed_mps, task.vehicle.comfortable_mps2
+        cruising = task.made.get(
+            ("cruising speed", start_mps, comfortable),
+            lambda: CruisingSpeed(task.network, task.reference, start_mps, comfortable),
+        )
+        goal = task.goal_ahead
+        return task.made.get(
+            ("desired speed", cls, id(goal), id(cruising)),
+            lambda: cls(Goal(goal), task.reference, task.step_s, cruising),
+            goal,
+            cruising,
+        ).anew()
+
+    def anew(self) -> Self:
+        """Return the desired speed for another run of the same task."""
+        other = copy(self)
+        other._follower = self._follower.beginning_at(self._start_m)
+        return other
 
     def at(self, ego: EgoState) -> float:
         """Return the desired speed in m/s."""

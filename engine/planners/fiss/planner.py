@@ -80,8 +80,8 @@ class Fiss:
         """Prepare for a new run."""
         self._task = task
         limits = vehicle_limits(task.vehicle)
-        self._path = PathLine(task.reference, limits.max_lat_accel)
-        self._bands = lane_bands(task.network, task.reference)
+        self._path = task.made.get("line of the core", lambda: PathLine(task.reference, limits.max_lat_accel))
+        self._bands = task.made.get("lane bands", lambda: lane_bands(task.network, task.reference))
         self._corridors: dict[tuple[float, float], fiss_planner.Corridor] = {}
         self._desired_speed = DesiredSpeed.of(task)
         self._cores: dict[tuple[bool, Care, bool], fiss_planner.Planner] = {}

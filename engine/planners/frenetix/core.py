@@ -28,7 +28,6 @@ Pitfalls (tested by ``test_frenetix_traps.py``):
 import math
 from collections import Counter
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 
 import frenetix
 import frenetix.trajectory_functions as functions
@@ -37,6 +36,7 @@ import frenetix.trajectory_functions.feasability_functions as feasibility
 import numpy as np
 
 from ....schemas.planning import PlannerSettings
+from ...commonroad import MadeOnce
 from ...geometry import Points, Values, arc_length, headings, wrap_angle
 from ...vehicles import ARC_LENGTH_MPS, VehicleParameters, centers, rear_axle
 from ..driving.following import is_on_plan
@@ -76,11 +76,12 @@ class FrenetFrame:
 
     @classmethod
     def of(cls, path: Points, angle_rad: float) -> "FrenetFrame":
-        """Return the frame of a path, turned so that the heading ``angle_rad`` becomes 0.
-
-        The last frames are kept, because a search repeats the same path, and the core takes long to make its system.
-        """
-        return kept_frame(np.ascontiguousarray(path, dtype=np.float64).tobytes(), angle_rad)
+        """Return the frame of a path, turned so that the heading ``angle_rad`` becomes 0."""
+        origin = np.array(path[0], dtype=np.float64)
+        inner = np.ascontiguousarray((path - origin) @ _rotation(angle_rad))
+        system = frenetix.CoordinateSystemWrapper(inner)
+        system.ref_theta = tangents(np.array(system.ref_theta))
+        return cls(origin, angle_rad, system)
 
     def inwards(self, points: Points) -> Points:
         """Convert world coordinates, shape (…, 2), to the frame."""
@@ -97,29 +98,23 @@ class FrenetFrame:
         return (heading_rad - self.angle_rad + math.pi) % math.tau - math.pi
 
 
-_KEPT = 4
-"""Frames that a process keeps (chosen), some MB each."""
-
-
-@lru_cache(maxsize=_KEPT)
-def kept_frame(path_bytes: bytes, angle_rad: float) -> FrenetFrame:
-    """Return the frame of a path, given as the bytes of its points (n, 2); see :meth:`FrenetFrame.of`."""
-    path = np.frombuffer(path_bytes, dtype=np.float64).reshape(-1, 2)
-    origin = np.array(path[0])
-    inner = np.ascontiguousarray((path - origin) @ _rotation(angle_rad))
-    system = frenetix.CoordinateSystemWrapper(inner)
-    system.ref_theta = tangents(np.array(system.ref_theta))
-    return FrenetFrame(origin, angle_rad, system)
-
-
 class FrameKeeper:
-    """Provides a frame in which no heading ahead is near ±π, and keeps the old frame while it is suitable."""
+    """Provides a frame in which no heading ahead is near ±π, and keeps the old frame while it is suitable.
 
-    def __init__(self, path: Points) -> None:
+    ``made``: keeps the frames of a path, because runs repeat the same path, and the core takes long to make its system.
+    """
+
+    def __init__(self, path: Points, made: MadeOnce | None = None) -> None:
+        self._made = made or MadeOnce()
+        self._follow(self._made.get("accepted path", lambda: self._accepted(path)))
+
+    def _accepted(self, path: Points) -> Points:
+        """Return the path, or its longest initial part that the core accepts."""
         try:
             self._follow(path)
         except RuntimeError:
-            self._follow(_longest_accepted(path))
+            return _longest_accepted(path)
+        return path
 
     def _follow(self, path: Points) -> None:
         self._path = path
@@ -127,7 +122,11 @@ class FrameKeeper:
         self._headings = headings(path)
         low, high = float(self._headings.min()), float(self._headings.max())
         fits = high - low < 2 * SAFE_RANGE_RAD
-        self.frame = FrenetFrame.of(path, (low + high) / 2 if fits else float(self._headings[0]))
+        self.frame = self._frame((low + high) / 2 if fits else float(self._headings[0]))
+
+    def _frame(self, angle_rad: float) -> FrenetFrame:
+        path = self._path
+        return self._made.get(("frame", len(path), angle_rad), lambda: FrenetFrame.of(path, angle_rad))
 
     def frame_for(self, station_m: float, ahead_m: float) -> FrenetFrame:
         """Return the frame for planning from an arc length over the given distance ahead."""
@@ -136,7 +135,7 @@ class FrameKeeper:
         turned = np.abs(np.remainder(window - self.frame.angle_rad + math.pi, math.tau) - math.pi)
         low, high = float(window.min()), float(window.max())
         if float(turned.max()) > SAFE_RANGE_RAD and high - low < 2 * SAFE_RANGE_RAD:
-            self.frame = FrenetFrame.of(self._path, (low + high) / 2)
+            self.frame = self._frame((low + high) / 2)
         return self.frame
 
 

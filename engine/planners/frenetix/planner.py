@@ -71,9 +71,9 @@ class Frenetix:
         self._weights = task.configuration.weights
         self._own_terms = {name: term for name, term in OWN_TERMS.items() if self._weights[name] > 0}
         network = task.network
-        self._lanes = LaneCenters(network) if self._own_terms else None
-        self._corridors = LaneCorridors(network) if self._own_terms else None
-        self._frames = FrameKeeper(task.reference.points)
+        self._lanes = task.made.get("lane centres", lambda: LaneCenters(network)) if self._own_terms else None
+        self._corridors = task.made.get("lane corridors", lambda: LaneCorridors(network)) if self._own_terms else None
+        self._frames = FrameKeeper(task.reference.points, task.made)
         self._follower = task.reference.follower()
         self._desired_speed = self._desired_speed_of(task)
         self._handler = frenetix.TrajectoryHandler(task.step_s)

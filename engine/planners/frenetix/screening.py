@@ -98,7 +98,8 @@ class _Motions:
     """The candidates' longitudinal and lateral motions, and the path next to them.
 
     ``is_checked``: the steps until a candidate's end state, which the core checks; after it the candidate continues
-    straight. ``is_regular`` (n,): True if the candidate stays on the path and rounding selects no formula.
+    straight. ``divisor``: the speed, or 1 where it is slow. ``is_regular`` (n,): True if the candidate stays on the
+    path and rounding selects no formula.
     """
 
     speed: Points
@@ -110,6 +111,7 @@ class _Motions:
     heading: Points
     is_checked: _Flags
     is_slow: _Flags
+    divisor: Points
     is_regular: _Flags
     jerk_along: Values
     jerk_across: Values
@@ -130,9 +132,9 @@ class _Motions:
         speed, half_acceleration, curvatures, curvature_change, direction = (row[of_pair] for row in path)
         across, drift, half_drift_change = (row[of_side] for row in side)
         is_slow = speed <= _SLOW_MPS
-        divisor = np.where(is_slow, 1.0, speed)
-        slope = np.where(is_slow, 0.0, drift / divisor)
-        slope_change = np.where(is_slow, 0.0, (half_drift_change - slope * half_acceleration) / divisor**2)
+        divisor = np.where(is_slow, 1.0, speed) if is_slow.any() else speed
+        slope = _where_moving(is_slow, drift / divisor)
+        slope_change = _where_moving(is_slow, (half_drift_change - slope * half_acceleration) / divisor**2)
         scale = 1.0 - curvatures * across
         secant = np.sqrt(1.0 + slope**2)  # 1 / cos of the heading relative to the path; slope is its tangent
         stretch = scale * secant
@@ -151,6 +153,7 @@ class _Motions:
             heading=np.arctan(slope) + direction,
             is_checked=steps.is_checked,
             is_slow=is_slow,
+            divisor=divisor,
             is_regular=is_driven[of_pair] & (steps.ends <= count) & (scale > _LEAST_SCALE).all(axis=1),
             jerk_along=_jerk(quartic, step_s)[of_pair],
             jerk_across=_jerk(quintic, step_s)[of_side],
@@ -160,7 +163,7 @@ class _Motions:
         """Return for every constraint two masks (n,): the candidates that certainly break it, and those that may."""
         curvature = np.tan(vehicle.maximum_steering_rad) / vehicle.wheelbase_m
         error = _ROUNDING * (1.0 + np.abs(self.curvature))
-        error += _ROUNDING_OF_CURVATURE / np.where(self.is_slow, 1.0, self.speed) ** 2
+        error += _ROUNDING_OF_CURVATURE / self.divisor**2
         is_checked, unknown = self.is_checked, self.is_checked & self.is_slow
         yaw_rate = np.abs(np.diff(self.heading, axis=1)) / step_s - curvature * self.velocity[:, 1:]
         largest = vehicle.maximum_acceleration_mps2 / SECOND_DERIVATIVE_FACTOR
@@ -185,7 +188,7 @@ class _Motions:
 
     def least_cost(self, step: PlanningStep, weights: dict[str, float]) -> Values:
         """Return the sum of the terms computed here, rounded down; no term of the core is negative."""
-        off_speed = np.where(self.is_slow, 0.0, self.velocity - step.desired_speed_mps)
+        off_speed = _where_moving(self.is_slow, self.velocity - step.desired_speed_mps)
         lateral = self.across[:, self.across.shape[1] - self.across.shape[1] // 2 :]
         cost: Values = (
             weights["lateral_jerk"] * self.jerk_across
@@ -196,13 +199,19 @@ class _Motions:
         return np.where(self.is_regular, cost * (1.0 - _ROUNDING) - _ROUNDING, 0.0)
 
 
+def _where_moving(is_slow: _Flags, values: Points) -> Points:
+    """Return the values with 0 where a candidate is slow."""
+    return np.where(is_slow, 0.0, values) if is_slow.any() else values
+
+
 def _excess(above: Points, error: Points | float, counted: _Flags, unknown: _Flags) -> tuple[_Flags, _Flags]:
     """Return two masks of rows: those where a value is certainly above zero, and those where it may be.
 
     ``unknown`` marks entries that may have any value.
     """
-    sure = (above > error) & counted & ~unknown
-    maybe = ((above > -error) & counted) | unknown
+    sure, maybe = (above > error) & counted, (above > -error) & counted
+    if unknown.any():
+        sure, maybe = sure & ~unknown, maybe | unknown
     return np.asarray(sure.any(axis=1)), np.asarray(maybe.any(axis=1))
 
 

@@ -135,10 +135,10 @@ class ReferencePlanner(IntelligentDriver):
     def _ahead(self, observation: Observation, center_m: float) -> "_Ahead":
         """Return the other road users along the path near the ego."""
         points = self._task.reference.points
-        near = (self._stations >= center_m - _BEHIND_M) & (self._stations <= center_m + _AHEAD_M)
+        near = (self._way.stations_m >= center_m - _BEHIND_M) & (self._way.stations_m <= center_m + _AHEAD_M)
         first = int(np.argmax(near))
         line = points[near] if near.sum() > 1 else points
-        begin_m = float(self._stations[first]) if near.sum() > 1 else 0.0
+        begin_m = float(self._way.stations_m[first]) if near.sum() > 1 else 0.0
         elapsed_s = (observation.ego.step - self._last_step) * self._task.step_s
         rows = []
         for obstacle in observation.obstacles:

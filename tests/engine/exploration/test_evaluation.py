@@ -55,7 +55,8 @@ def test_the_run_is_that_of_the_stored_scenario(
     )
     stored = run_planner(request, silent)
     with Evaluator(setting) as evaluator:
-        evaluation, run = evaluator.driven(edits_of(*edits))
+        driven = evaluator.driven(edits_of(*edits))
+        evaluation, run = driven.evaluation, driven.run
     assert run is not None
     assert evaluation.outcome == "safe"
     count = len(run.states)
@@ -106,7 +107,8 @@ def test_the_horizon_ends_a_run(base: Path) -> None:
 )
 def test_an_implausible_point_is_named_and_not_run(edits: tuple[dict[str, Any], ...], words: str, base: Path) -> None:
     with Evaluator(setting_of(base)) as evaluator:
-        evaluation, run = evaluator.driven(edits_of(*edits))
+        driven = evaluator.driven(edits_of(*edits))
+        evaluation, run = driven.evaluation, driven.run
     assert (evaluation.outcome, evaluation.end, evaluation.counts_as_run) == ("implausible", "not_run", False)
     assert words in evaluation.reason
     assert run is None
@@ -141,13 +143,13 @@ def test_scripts_without_other_vehicles_move_as_among_others(tmp_path: Path) -> 
     for name, vehicles in (("alone", ()), ("far", (driving(34, (280, 7), 5.0, 151, heading_rad=3.14159),))):
         road = town_road().with_vehicles(*vehicles, driving(32, (5, 3.5), 6.0, 151))
         with Evaluator(setting_of(road.write(tmp_path / f"{name}.xml"), traffic="reactive")) as evaluator:
-            run = evaluator.driven(edits)[1]
+            run = evaluator.driven(edits).run
         assert run is not None
         walked = next(track for track in run.traffic.moving if track.kind == "pedestrian")
         paths.append((walked.positions.tolist(), [state.position.tolist() for state in run.states]))
     alone = ScenarioBuilder(town_road().lanes).write(tmp_path / "empty.xml")
     with Evaluator(setting_of(alone, traffic="reactive")) as evaluator:
-        run = evaluator.driven(edits)[1]
+        run = evaluator.driven(edits).run
     assert run is not None
     walked = next(track for track in run.traffic.moving if track.kind == "pedestrian")
     count = min(len(walked.positions), len(paths[0][0]))

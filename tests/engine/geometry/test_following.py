@@ -71,3 +71,15 @@ def test_a_line_of_one_segment_and_a_track_without_positions_are_accepted() -> N
     line = np.array([[0.0, 0.0], [10.0, 0.0]])
     assert project_along(line, np.array([[-3.0, 1.0], [13.0, 1.0]]))[0].tolist() == [0.0, 10.0]
     assert project_along(line, np.empty((0, 2)))[0].shape == (0,)
+
+
+@pytest.mark.parametrize("begin_m", [None, 0.0, 60.0])
+@pytest.mark.parametrize("spacing_m", [0.3, 40.0])
+def test_places_of_a_whole_track_are_those_of_its_positions_one_by_one(begin_m: float | None, spacing_m: float) -> None:
+    drawn = np.random.default_rng(7)
+    turned = np.cumsum(drawn.normal(0.0, 0.2, 150))
+    line = np.cumsum(np.stack([np.cos(turned), np.sin(turned)], axis=1) * spacing_m, axis=0)
+    track = np.repeat(line[10:140] + drawn.normal(0.0, 3.0, (130, 2)), 2, axis=0)
+    alone, together = PathFollower(line, begin_m), PathFollower(line, begin_m)
+    assert together.places(track) == [alone.place(position) for position in track]
+    assert together.place(track[0]) == alone.place(track[0])

@@ -65,3 +65,16 @@ def test_its_curvature_has_no_steps() -> None:
     curvature = np.diff(headings) / 0.1
     assert np.abs(np.diff(curvature)).max() < 0.03
     assert np.abs(curvature).max() < 0.16
+
+
+def test_the_spline_is_scipys_to_the_last_bit() -> None:
+    from scipy.interpolate import CubicSpline
+
+    path = RearAxlePath(s_bend(12.0) + 1e5, BEHIND_M)
+    spline = CubicSpline(path.stations_m, path._points)
+    stations = np.concatenate([path.stations_m, np.linspace(0.0, float(path.stations_m[-1]), 333)])
+    points, headings, pace, _ = path.frame(stations)
+    along = spline.derivative(1)(stations)
+    assert np.array_equal(points, spline(stations))
+    assert np.array_equal(headings, np.arctan2(along[:, 1], along[:, 0]))
+    assert np.array_equal(pace, np.linalg.norm(along, axis=1))
