@@ -92,7 +92,7 @@ def _points_at(error: float, grids: list[tuple[int, float]]) -> float:
         large, small = max(larger, _LEAST_ERROR), max(smaller, _LEAST_ERROR)
         if small <= error <= large and small < large:
             share = math.log(large / error) / math.log(large / small)
-            return fewer * (more / fewer) ** share
+            return float(fewer * (more / fewer) ** share)
     return float(grids[0][0] if error > grids[0][1] else grids[-1][0])
 
 

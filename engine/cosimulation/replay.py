@@ -139,7 +139,7 @@ def replayed_states(setup: SimulationSetup, actors: tuple[Actor, ...]) -> dict[t
     Raises:
         WorkerFailure: SUMO refused the network or a vehicle, or stopped.
     """
-    shown = {}
+    shown: dict[tuple[str, int], ShownState] = {}
     with open_simulation(setup, [actor.vehicle_type() for actor in actors]) as sumo:
         run = _Run(sumo, actors, _Surroundings(actors, setup, everywhere=True))
         for step in range(setup.last_step + 1):

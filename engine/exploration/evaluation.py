@@ -326,8 +326,8 @@ class _Judged:
             end = "encounter_over" if ending.by_encounter else "horizon"
             return self._nearest().model_copy(update={"end": end, "reason": _STOPPED[end]})
         ended = {"run_outcome": verdict.outcome, "reason": verdict.reason}
-        if verdict.outcome == "collision" and (contact := self._contact()) is not None:
-            return self._after_contact(self._safe.model_copy(update=ended), contact)
+        if verdict.outcome == "collision" and (hit := self._contact()) is not None:
+            return self._after_contact(self._safe.model_copy(update=ended), hit)
         found = self._nearest().model_copy(update=ended)
         if verdict.outcome == "collision":
             return found.model_copy(update={"outcome": "failed_unavoidably"})

@@ -229,7 +229,7 @@ class IntelligentDriver:
     def _free(self, speed: float, desired: float) -> float:
         a, b = self._accelerates_mps2, self._brakes_mps2
         if speed > desired:
-            return -b * (1.0 - (max(desired, 0.0) / speed) ** (a * _EXPONENT / b))
+            return -b * (1.0 - float((max(desired, 0.0) / speed) ** (a * _EXPONENT / b)))
         return a * (1.0 - (speed / desired) ** _EXPONENT) if desired > 0 else 0.0
 
     def _interaction(self, speed: float, gap_m: float, closing_mps: float) -> float:

@@ -46,10 +46,10 @@ def _paths(
     osm: OsmMap, at: Mapping[int, Sequence[OsmWay]], starts: Sequence[int], ends: set[int]
 ) -> list[tuple[int, ...]]:
     """Return the shortest path to each of the ends that can be reached, in the order of their lengths."""
-    waiting = [(0.0, key, (key,)) for key in starts]
+    waiting: list[tuple[float, int, tuple[int, ...]]] = [(0.0, key, (key,)) for key in starts]
     heapify(waiting)
     seen: set[int] = set()
-    paths = []
+    paths: list[tuple[int, ...]] = []
     while waiting:
         gone_m, key, path = heappop(waiting)
         if key in seen:
