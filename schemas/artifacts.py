@@ -342,13 +342,13 @@ class ImportFilesResult(Result):
 
     def answer(self) -> Answer:
         """Return the counts, then one line per file."""
-        counts = f"{self.added} added, {self.reused} already known, {self.refused} refused."
+        counts = f"{self.added} added, {self.reused} already stored, {self.refused} refused."
         summary = [counts] if self.added + self.reused + self.refused or not self.note else []
         if self.job_id and (self.state != "done" or self.note):
             summary.append(f"{self.job_id}: {self.state}. {self.note}".rstrip())
         elif self.note and summary:
             summary.append(f"{self.note[0].upper()}{self.note[1:]}.")
-        lines = [f"- {i.artifact_id}: {i.summary}{' (reused)' if i.reused else ''}" for i in self.items]
+        lines = [f"- {i.artifact_id}: {i.summary}{' (already stored)' if i.reused else ''}" for i in self.items]
         lines += [f"- refused {shown_name(item.file)}: {item.reason}" for item in self.refusals]
         hidden = self.added + self.reused + self.refused - len(self.items) - len(self.refusals)
         if hidden:
@@ -359,5 +359,5 @@ class ImportFilesResult(Result):
     def to_line(self) -> str:
         """Return counts and refusals in one line, as the result of a job."""
         refused = "; ".join(f"{shown_name(item.file)}: {item.reason}" for item in self.refusals)
-        counts = f"{self.added} added, {self.reused} already known, {self.refused} refused"
+        counts = f"{self.added} added, {self.reused} already stored, {self.refused} refused"
         return f"{counts}: {refused}" if refused else counts

@@ -259,8 +259,11 @@ class ListPlannersResult(Result):
             for item in self.planners
         ]
         lines.append(f"Predictions: {', '.join(self.predictions)}.")
-        lines.append(f"Weights of {self.config_id} ({self.config_name}), 0 to 1e6 (0 = off) unless a range is given:")
-        for item in (weight for weight in self.weights if weight.acts):
+        acting = [weight for weight in self.weights if weight.acts]
+        owner = f"{self.config_id} ({self.config_name})"
+        usual = ", each from 0 (off) to 1,000,000 unless another range is given:" if acting else ": none"
+        lines.append(f"Weights of {owner}{usual}")
+        for item in acting:
             ranged = "" if (item.lowest, item.highest) == (0, 1e6) else f" ({item.lowest:g} to {item.highest:g})"
             lines.append(f"  {item.name}={item.value:g}{ranged}: {item.meaning}; raising: {item.raising}")
         intents = [

@@ -116,7 +116,7 @@ class Prevention(Model):
             none = "no reference driver that takes over just before the contact prevents it"
             return f"{none} ({REFERENCE_DRIVERS_DO}){aside}{self._start_in_words()}"
         others = [*self._drivers(prevents=False), *(["swerving"] if self.steering_tried and until is None else [])]
-        without = f", not by {_listed(others, 'or')}" if others else ""
+        without = f", but not by {_listed(others, 'or')}" if others else ""
         return f"preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"
 
     def _start_in_words(self) -> str:
@@ -128,7 +128,7 @@ class Prevention(Model):
             return "; if in control from the start, no driver prevents it"
         if not no:
             return "; if in control from the start, all drivers prevent it"
-        verb = "prevent" if len(yes) > 1 or yes[0].endswith("drivers") else "prevents"
+        verb = "prevent" if len(yes) > 1 else "prevents"
         return f"; if in control from the start, {_listed(yes, 'and')} {verb} it"
 
     def _from_start(self, *, prevents: bool) -> list[str]:
@@ -138,28 +138,25 @@ class Prevention(Model):
             for verdict in self.drivers
             if verdict.start == "start" and verdict.prevents == prevents and verdict.driver != "evading"
         ]
-        names = {name: _DRIVERS_IN_WORDS[name] for name in drivers}
-        if set(CAREFUL_DRIVERS) <= names.keys():
-            names["r157_careful"] = "UN regulation R157's careful and fuzzy drivers"
-            del names["fsm"]
-        return list(names.values())
+        return [_DRIVERS_IN_SHORT[name] for name in drivers]
 
     def _drivers(self, *, prevents: bool) -> list[str]:
         """Return the reference drivers, other than full braking, that do or do not prevent the collision."""
         named = {"careful": self.by_careful_driver, "fuzzy": self.by_fuzzy_driver}
         of_r157 = [name for name, does in named.items() if does == prevents]
         drivers = [f"UN regulation R157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
-        return [*drivers, *([_DRIVERS_IN_WORDS["rss"]] if self.by_rss == prevents else [])]
+        return [*drivers, *(["the Responsibility-Sensitive Safety (RSS) driver"] if self.by_rss == prevents else [])]
 
 
-_DRIVERS_IN_WORDS: dict[ReferenceDriverName, str] = {
+_DRIVERS_IN_SHORT: dict[ReferenceDriverName, str] = {
     "full_braking": "full braking",
-    "r157_careful": "UN regulation R157's careful driver",
-    "fsm": "UN regulation R157's fuzzy driver",
-    "rss": "the driver of Responsibility-Sensitive Safety",
+    "r157_careful": "the careful driver",
+    "fsm": "the fuzzy driver",
+    "rss": "the RSS driver",
     "keep_lane": "keeping lane and speed",
     "evading": "swerving",
 }
+"""The drivers after their first mention, which spells them out."""
 
 
 def _listed(parts: Sequence[str], conjunction: str) -> str:
@@ -321,14 +318,16 @@ class Sight(Model):
         hider = "other bodies" if self.by is None else f"{self.by_class} {self.by}".strip()
         texts: dict[SightCode, str] = {
             "seen": f"{other} was reported",
-            "kept": f"{other} was reported as extrapolated",
+            "kept": f"{other} was reported only by extrapolation",
             "out_of_range": f"{other} was out of the sensors' range",
             "out_of_view": f"{other} was outside the field of view",
             "occluded": f"{other} was hidden by {hider}",
             "missed": f"{other} was in view but not detected",
             "unconfirmed": f"{other} was detected too recently to be reported",
         }
-        until = "up to the contact" if self.since_s is None else f"until {time_s - self.since_s:.1f} s before"
+        until = (
+            "up to the contact" if self.since_s is None else f"until {time_s - self.since_s:.1f} s before the contact"
+        )
         first = "never seen" if self.first_s is None else f"first seen at {self.first_s:.1f} s"
         return f"{texts[self.code]} {until} ({self.code}); {first}"
 
@@ -392,9 +391,7 @@ class Contact(Model):
         prevention = self.prevention if self.laid_to != "ego" else None
         judged = "" if prevention is None else f"; {prevention.in_words()}"
         if self.unforeseen:
-            judged += (
-                f"; unforeseen: as predicted 1 s earlier, they would have stayed {self.predicted_gap_m:.1f} m apart"
-            )
+            judged += f"; unforeseen: the prediction 1 s earlier left them {self.predicted_gap_m:.1f} m apart"
         if self.sight is not None:
             judged += f"; {self.sight.in_words(self.other, self.time_s)}"
         if self.fault is not None:

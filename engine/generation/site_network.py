@@ -465,7 +465,7 @@ def plain_name(place: str) -> str:
 def _no_pavements_in_lanelets() -> NotPossible:
     return NotPossible(
         "the lanelet network of this map is used unchanged, without added pavements",
-        next_step="leave pedestrian out of vehicles, or take an OpenStreetMap extract or a SUMO network as the map",
+        next_step="leave pedestrian out of vehicles, or use an OpenStreetMap extract or a SUMO network as the map",
     )
 
 

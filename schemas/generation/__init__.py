@@ -420,8 +420,8 @@ class VehicleAbsence(Model):
     reason: str = Field(description="reason in words")
 
     def in_words(self) -> str:
-        """Return the number and class, what happened to the road users, and the reason."""
-        return f"{counted(self.count, self.vehicle_class)} {self.fate.replace('_', ' ')} ({self.code}): {self.reason}"
+        """Return the number and class of the road users, and the reason."""
+        return f"{counted(self.count, self.vehicle_class)} ({self.code}): {self.reason}"
 
 
 class GeneratedScenario(Model):
@@ -644,14 +644,14 @@ class PlanSummary(Model):
         return [
             *([f"Made {made}."] if made else []),
             *([_cut("Impossible", cannot, self.cannot_total)] if cannot else []),
-            *([_cut("Left", list(self.left[:_SHOWN_CANNOT]), self.left_total)] if self.left else []),
+            *([_cut("Still to be covered", list(self.left[:_SHOWN_CANNOT]), self.left_total)] if self.left else []),
         ]
 
     @property
     def headline(self) -> str:
         """The number of scenarios, and the share of covered combinations."""
         requested = f" of {self.asked:,}" if self.asked is not None else ""
-        before = f" ({self.reused:,} stored before)" if self.reused else ""
+        before = f" ({self.reused:,} already stored)" if self.reused else ""
         share = self.covered / self.allowed if self.allowed else 1.0
         return (
             f"{self.plan_id}: {self.made:,}{requested} scenarios{before}; {share:.1%} of the {self.strength}-way "
