@@ -101,14 +101,16 @@ class ListedArtifact(Model):
     batch: BatchSummary | None = Field(None, exclude_if=lambda batch: batch is None)
 
     def in_words(self) -> str:
-        """Return the line of an answer: kind, id, description, and time of creation."""
+        """Return the line of an answer: id (after the kind if the id does not begin with it), description, and time."""
+        stated = self.kind in self.artifact_id or self.artifact_id.startswith("cfg_")
+        who = self.artifact_id if stated else f"{self.kind} {self.artifact_id}"
         if self.batch is not None:
-            return f"{self.kind} {self.artifact_id}, {self.made_at}: {self.batch.in_words()}"
+            return f"{who}, {self.made_at}: {self.batch.in_words()}"
         name = f" ({shown_name(self.name)})" if self.name and self.name != self.artifact_id else ""
         more = len(self.parents) - _MOST_PARENTS
         rest = f" and {more} more" if more > 0 else ""
         parents = f" from {', '.join(self.parents[:_MOST_PARENTS])}{rest}" if self.parents else ""
-        return f"{self.kind} {self.artifact_id}{name} by {self.made_by}{parents}, {self.made_at}"
+        return f"{who}{name} by {self.made_by}{parents}, {self.made_at}"
 
 
 _MOST_PARENTS = 4

@@ -202,8 +202,8 @@ class FindFailuresResult(Result):
             return Answer(f"{self.job_id}: {self.state}; {self.message}", next_step=self.next_step)
         found = counted(len(search.failures), "distinct failure")
         other = (
-            f"{counted(search.unavoidable, 'more run')} ended in a failure that no careful driver avoids; "
-            f"{counted(search.implausible, 'proposal')} implausible."
+            f"Runs with failures that no careful driver avoids: {search.unavoidable}. "
+            f"Implausible proposals, which were not run: {search.implausible}."
         )
         varied = ", ".join(first_of(search.strata, _MOST_STRATA, "in the structured answer"))
         return Answer(
@@ -230,8 +230,8 @@ def _lines(failure: FoundFailure) -> Iterator[str]:
     reduced = (
         ""
         if shrunk is None
-        else f" Reduced: {shrunk.scenario_id}, {shrunk.road_users_before} → {shrunk.road_users} road users"
-        f"{f', needs {_listed(shrunk.needed)}' if shrunk.needed else ''}."
+        else f" Reduced to {shrunk.scenario_id}: {shrunk.road_users_before} → {shrunk.road_users} road users"
+        f"{f'; the failure needs {_listed(shrunk.needed)}' if shrunk.needed else ''}."
     )
     yield f"  {failure.reason}; {drivers} would not fail ({failure.cell}).{reduced}"
 

@@ -104,16 +104,17 @@ class Prevention(Model):
         until = self.by_steering_until_s
         aside = "" if until is None else f"; swerving as late as {until:.1f} s prevents it"
         if not self.possible:
-            starts = " or at the start" if self.drivers else ""
-            takes_over = f"takes over just before the contact{starts}"
-            return f"no reference driver that {takes_over} prevents it ({REFERENCE_DRIVERS_DO}){aside}"
+            starts = " or from the start" if self.drivers else ""
+            return (
+                f"no reference driver prevents it, from just before the contact{starts} ({REFERENCE_DRIVERS_DO}){aside}"
+            )
         prevents = (
             [] if self.by_braking_until_s is None else [f"full braking as late as {self.by_braking_until_s:.1f} s"]
         )
         prevents += [] if until is None else [f"swerving as late as {until:.1f} s"]
         prevents += self._drivers(prevents=True)
         if self.by_braking_until_s is None and not self._drivers(prevents=True):
-            none = "no reference driver that takes over just before the contact prevents it"
+            none = "no reference driver prevents it from just before the contact"
             return f"{none} ({REFERENCE_DRIVERS_DO}){aside}{self._start_in_words()}"
         others = [*self._drivers(prevents=False), *(["swerving"] if self.steering_tried and until is None else [])]
         without = f", but not by {_listed(others, 'or')}" if others else ""
@@ -389,15 +390,16 @@ class Contact(Model):
         also = f"; also touched: {', '.join(map(str, self.also_touched))}" if self.also_touched else ""
         # If the ego caused it by driving along its path as it did, drivers on that path say nothing.
         prevention = self.prevention if self.laid_to != "ego" else None
-        judged = "" if prevention is None else f"; {prevention.in_words()}"
-        if self.unforeseen:
-            judged += f"; unforeseen: the prediction 1 s earlier left them {self.predicted_gap_m:.1f} m apart"
-        if self.sight is not None:
-            judged += f"; {self.sight.in_words(self.other, self.time_s)}"
+        judged = ""
         if self.fault is not None:
             judged += f"; attributed to {self.fault.in_words()}"
         elif self.laid_to is not None:
             judged += f"; attributed to {COLLISION_CAUSES[self.laid_to]}"
+        if self.unforeseen:
+            judged += f"; unforeseen: the prediction 1 s earlier left them {self.predicted_gap_m:.1f} m apart"
+        if self.sight is not None:
+            judged += f"; {self.sight.in_words(self.other, self.time_s)}"
+        judged += "" if prevention is None else f"; {prevention.in_words()}"
         return f"{self._what} at {self.time_s:.1f} s ({speeds}){also}{judged}"
 
     @property
@@ -526,8 +528,7 @@ class RunReview(Model):
         least = f"shortest time to collision {measured(urgent.time_to_collision_s)} s"
         if (urgent.obstacle_id, urgent.time_s) == (near.obstacle_id, near.time_s):
             return f"{line}; {least}, at the same time."
-        other = "it" if urgent.obstacle_id == near.obstacle_id else urgent.other
-        return f"{line}; {least} with {other} {urgent.place} at {urgent.time_s:.1f} s."
+        return f"{line}; {least} with {urgent.other} {urgent.place} at {urgent.time_s:.1f} s."
 
     def motion_in_words(self) -> str:
         """Return the largest motions with their times; empty if there are no steps."""

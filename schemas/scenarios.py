@@ -12,7 +12,7 @@ from pydantic import ConfigDict, Field, JsonValue
 
 from .base import Answer, Arguments, Model, Result
 from .generation import DensityFacts, ScenarioType, SiteFacts, VehicleAbsence
-from .text import cited_all, cited_parts, counted, shown_name
+from .text import cited_all, cited_parts, counted, shown_name, signed
 from .vocabulary import GoalForm
 
 Severity = Literal["error", "warning"]
@@ -339,7 +339,7 @@ class DescribedMotion(Model):
         """Return lines of text: the distance and the events, then one line per moment."""
         did = [f"- {_span_s(event)} s: {event.words}" for event in self.events]
         moments = [
-            f"- {one.time_s:g} s: {one.speed_mps:.1f} m/s, {one.acceleration_mps2:+.1f} m/s², "
+            f"- {one.time_s:g} s: {one.speed_mps:.1f} m/s, {signed(one.acceleration_mps2)} m/s², "
             + (f"lanelet {one.lanelet}" if one.lanelet is not None else "on no lanelet")
             + (f", follows {one.leader}, gap {one.gap_m:.1f} m" if one.gap_m is not None else "")
             for one in self.moments

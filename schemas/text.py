@@ -140,8 +140,8 @@ def without_shared_clauses(sentences: Sequence[str]) -> tuple[list[str], list[st
 
 
 REFERENCE_DRIVERS_DO = (
-    "full braking at once; or UN regulation R157's careful and fuzzy drivers or Responsibility-Sensitive Safety, which "
-    "keep the ego's speed until they see a danger"
+    "full braking; UN regulation R157's careful and fuzzy drivers and Responsibility-Sensitive Safety, which keep the "
+    "ego's speed until they see a danger"
 )
 """The drivers of a verdict and what they do, for each statement that no driver prevents a collision."""
 RISK_SCALE = "0 = collision, 5 = negligible"
@@ -207,6 +207,12 @@ def figure(value: float | None, digits: int = 3) -> str:
 def measured(value: float | None, digits: int = 3) -> str:
     """Return a measured quantity as :func:`figure` writes it, and 0 below its resolution."""
     return figure(0.0 if value is not None and abs(value) < RESOLUTION else value, digits)
+
+
+def signed(value: float) -> str:
+    """Return a number with its sign to one decimal, and 0 without either."""
+    shown = f"{value:+.1f}"
+    return "0" if float(shown) == 0 else shown
 
 
 def p_figure(p: float | None) -> str:

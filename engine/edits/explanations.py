@@ -140,7 +140,9 @@ def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list
     for reason, closest_mps in missed.items():
         do = "does" if len(closest_mps) == 1 else "do"
         best = _range_of(closest_mps.values())
-        sentences.append(f"{listed(tuple(closest_mps))} {do} not reach the speed (closest: {best} m/s): {reason}")
+        sentences.append(
+            f"{listed(tuple(closest_mps))} {do} not reach the speed (closest: {best} m/s), because {reason}"
+        )
     return sentences, achieved
 
 

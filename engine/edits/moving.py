@@ -319,7 +319,7 @@ def close_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     if not 0 <= begin < last:
         raise InvalidRequest(
             f"a closure from {begin * scene.step_s:g} s is outside the scenario",
-            valid=[f"time_s in 0 … {(scene.last_step - 1) * scene.step_s:g}"],
+            valid=[f"time_s from 0 to {(scene.last_step - 1) * scene.step_s:g}"],
             next_step="choose another time",
             remedies=within_time(begin, 0, scene.last_step - 1, scene),
         )

@@ -129,7 +129,7 @@ class PlannerForgeError(Exception):
             return f"{following.text}; or {own}" if adds else following.text
         if f"call {following.tool}" in own or not (is_usual or self._needs_list(following)):
             return own
-        is_listed = is_usual and isinstance(self, UnknownName) and self.valid and not self._needs_list(following)
+        is_listed = is_usual and self.valid and not self._needs_list(following)
         return own if is_listed else following.text if is_usual else f"{following.text}; or {own}"
 
     def _needs_list(self, following: NextCall) -> bool:
@@ -205,10 +205,10 @@ class Faults:
             raise first
         shown = [self._fault_text(error) for error in self._found[: self._MOST_LISTED]]
         more = len(self._found) - len(shown)
-        steps = dict.fromkeys(error.next_step for error in self._found[: self._MOST_LISTED])
+        steps = list(dict.fromkeys(error.next_step for error in self._found))
         together = type(first)(
             f"{len(self._found)} errors: {'; '.join(shown)}{f'; and {more} more' if more else ''}",
-            next_step="; ".join(steps),
+            next_step=steps[0] if len(steps) == 1 else "correct each of these",
             reason=first.reason,
             remedies=_common_remedies(self._found),
             complete=all(fault.complete for fault in self._found),
