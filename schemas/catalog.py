@@ -211,7 +211,8 @@ class FindScenariosResult(Result):
         elif self.total > len(self.matches) > 0:
             lines.append(f"… {self.total - len(self.matches)} more: raise offset or limit.")
         if self.emptied_by:
-            lines.append(f"{self.emptied_by.note[0].upper()}{self.emptied_by.note[1:]}.")
+            note = self.emptied_by.note
+            lines.append(f"{note[0].upper()}{note[1:]}{'' if note.endswith('…') else '.'}")
             lines += [
                 f"run_planner also accepts those left after {stage.stage}: {self.search_id}:{stage.stage}"
                 for stage in self.stages[-2:-1]

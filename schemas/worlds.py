@@ -316,7 +316,7 @@ def _assigned(text: str) -> tuple[str, float | str]:
     if change.operator != "=" or outside or (change.name == "seed" and value != int(value or 0)):
         raise InvalidRequest(
             f"'{text}' is not a valid setting of a world",
-            valid=[f"{change.name} from {low:g} to {high:g}"],
+            valid=[f"{change.name} from {low:g} to {high:,.0f}"],
             next_step="choose a value in this range",
             complete=True,
         )

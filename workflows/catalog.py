@@ -58,7 +58,6 @@ async def describe_catalog(arguments: DescribeCatalogArguments, context: Workflo
         raise InvalidRequest(
             f"offset counts maps, and facet={arguments.facet} has no pages",
             valid=["facet=maps", "no offset"],
-            next_step="leave offset out",
             remedies=[with_values(offset=None), with_values(facet="maps")],
         )
     count, facets = scenario_facets(connection, arguments.facet, within)

@@ -253,7 +253,9 @@ def _kind(path: Path, wanted: str) -> _ImportKind:
     known = _kind_of(path, wanted)
     if known is None:
         raise InvalidRequest(
-            f"{shown_name(path.name)} has a type that cannot be imported", valid=[f"*{end}" for end in _SUFFIXES]
+            f"{shown_name(path.name)} has a type that cannot be imported",
+            valid=[f"*{end}" for end in _SUFFIXES],
+            next_step="import a file of one of these types",
         )
     if wanted not in ("auto", known):
         raise InvalidRequest(

@@ -72,7 +72,8 @@ def notes_on_names(connection: sqlite3.Connection, constraints: Sequence[Constra
                 other = "features" if kind == "tag" else "tags"
                 if (computed if kind == "tag" else tagged) > 0 and tagged != computed:
                     counts = (tagged, computed) if kind == "tag" else (computed, tagged)
-                    sentences.append(f"'{word}': {counts[0]} as a {kind} (searched), {counts[1]} in {other}.")
+                    found = f"'{word}' is a {kind} of {counted(counts[0], 'scenario')} (searched)"
+                    sentences.append(f"{found} and in the {other} of {counts[1]}.")
     return sentences
 
 

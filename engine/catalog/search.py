@@ -237,7 +237,8 @@ class Search:
         notes = ["The text index was damaged and has been rebuilt."] if ranking and ranking.mended_index else []
         notes += [f"Scenarios with words of the text: {'; '.join(text.found)}."] if text.found else []
         if text.nowhere and (text.alone or few):
-            words = " and ".join(f"'{one_line(word)}'" for word in text.nowhere)
+            *first, last = (f"'{one_line(word)}'" for word in text.nowhere)
+            words = f"{', '.join(first)} and {last}" if first else last
             verb = "occurs" if len(text.nowhere) == 1 else "occur"
             nothing = text.alone and self._is_dissimilar(ranking)
             matched = "the text matches nothing" if nothing else "results are ordered by similar meaning"

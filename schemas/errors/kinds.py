@@ -136,9 +136,9 @@ class PlannerForgeError(Exception):
         """Return whether a call helps that lists valid values: the error names it, or does not list all names."""
         if any(remedy.tool == following.tool for remedy in self.remedies):
             return True
-        return isinstance(self, NotPossible) or (
-            isinstance(self, UnknownName) and not 0 < len(self.valid) < self.shown_values
-        )
+        if isinstance(self, UnknownName):
+            return not 0 < len(self.valid) < self.shown_values
+        return isinstance(self, NotPossible) and "scenario_id" in following.arguments
 
 
 class InvalidRequest(PlannerForgeError):
