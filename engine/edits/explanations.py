@@ -307,7 +307,7 @@ class DrivenVehicle:
             blocking = ", ".join(str(other) for other in self.track.blocked_by[:_MOST_NAMED] if other > 0)
             return f"remove_vehicle {blocking}, or {nearer}" if blocking else nearer
         if not self.track.leaves and self.rest_of_route and not self.plan.targets.isdisjoint(targets):
-            return f"set_speed of {key} to a higher one, or {nearer}"
+            return f"set a higher speed for {key} with set_speed, or {nearer}"
         return nearer
 
     @property

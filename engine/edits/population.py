@@ -163,10 +163,10 @@ def _why_there(edit: Edit) -> str:
         return " (its middle, because no position was given)"
     place = (edit.at or "").strip().replace("vehicle:", "vehicle ")
     who = "the ego" if place == "ego" else place
-    far = f"{abs(edit.offset_m):g} m " if edit.offset_m else ""
-    side = "" if not edit.offset_m else "ahead of " if edit.offset_m > 0 else "behind "
+    distance, unit = (edit.gap_s, "s") if edit.gap_s is not None else (edit.offset_m, "m")
+    where = f"{abs(distance):g} {unit} {'ahead of' if distance > 0 else 'behind'}" if distance else "at"
     lane = f", {edit.lane} lane" if edit.lane else ""
-    return f" ({far}{side or 'next to '}{who}{lane})"
+    return f" ({where} {who}{lane})"
 
 
 def _where(places: list[Place], spacing_m: float) -> str:
@@ -203,7 +203,7 @@ def _entries(edit: Edit, scene: Scene, changes: Changes, added: list[int], why: 
     words = []
     for key in added:
         start = changes.driven[key].start
-        entry = f"{start.speeds_mps[0]:.1f} m/s{why} from {start.first_step * scene.step_s:.1f} s"
+        entry = f"{round(start.speeds_mps[0], 1):g} m/s{why} from {start.first_step * scene.step_s:g} s"
         late = start.first_step > _requested_step(edit, scene)
         words.append(f"{entry} (requested: {edit.time_s:g} s, but the place is not free earlier)" if late else entry)
     if len(set(words)) == 1:
@@ -469,7 +469,7 @@ def _add_crossing(edit: Edit, scene: Scene, changes: Changes, who: _Crosser) -> 
     script = Script(track, parts, bool(edit.dodge))
     replay = Replay(track, None, script=script if script.depends_on_ego else None)
     changes = replace(changes.with_replay(replay), next_id=changes.next_id + 1)
-    what = f"{who.name} {track.obstacle_id} {where} at {speed:.1f} m/s from {first * scene.step_s:.1f} s"
+    what = f"{who.name} {track.obstacle_id} {where} at {round(speed, 1):g} m/s from {first * scene.step_s:g} s"
     if waits_s:
         what += f", after standing there for {waits_s:g} s"
     if trigger is not None:

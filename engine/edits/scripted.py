@@ -320,7 +320,7 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
         return tuple(found)
 
     when = _since(edit, made, scene.step_s)
-    speed = ", ".join(f"{wanted:.1f} m/s" for _, wanted, _ in list(made.values())[:3])
+    speed = ", ".join(f"{round(wanted, 1):g} m/s" for _, wanted, _ in list(made.values())[:3])
     what = f"{named_vehicles(vehicles)} brought to {speed} at a prescribed {rate:g} m/s²{when}"
     return EditStep(changes, vehicles, what, measure=measured)
 

@@ -601,7 +601,7 @@ def _without_hairpins(
     if not network.dropped_lanes:
         return (), [], network
     removed, warnings = remove_hairpins(net_path, folder)
-    note = f"removed from the net: {counted(removed, 'turn')} too tight for a lanelet"
+    note = f"{counted(removed, 'turn')} too tight for a lanelet removed from the network"
     return warnings, [note], _lanelets(read_net(net_path))
 
 

@@ -421,7 +421,7 @@ class VehicleAbsence(Model):
 
     def in_words(self) -> str:
         """Return the number and class of the road users, and the reason."""
-        return f"{counted(self.count, self.vehicle_class)}, {self.reason} ({self.code})"
+        return f"{counted(self.count, self.vehicle_class)} ({self.code}: {self.reason})"
 
 
 class GeneratedScenario(Model):
