@@ -260,7 +260,7 @@ def _next_light(scene: Scene, plan: DrivePlan) -> tuple[Signal, int, float]:
         if key in by_lanelet and line_m > 0.0:
             return by_lanelet[key], key, line_m
     raise NotPossible(
-        f"no traffic light that has a cycle is ahead of vehicle {plan.start.obstacle_id} on its route",
+        f"vehicle {plan.start.obstacle_id} has no traffic light with a cycle ahead on its route",
         valid=[f"lights at lanelet {key}" for key in sorted(by_lanelet)] or ["set_light to=[LANELET] adds one"],
         next_step="choose a vehicle that reaches a light, or add one with set_light",
     )

@@ -251,7 +251,8 @@ def _warnings(request: ModificationRequest, edited: EditedScene) -> list[str]:
     warnings = _late_entries(edited)
     if unseen and result.plans:
         off = ", ".join(map(str, sorted(unseen)))
-        warnings.append(f"driven vehicles do not see {off}, because these are recorded off the lanelets")
+        why = "it is recorded" if len(unseen) == 1 else "they are recorded"
+        warnings.append(f"driven vehicles do not see {off}, because {why} off the lanelets")
     if phantoms and result.plans:
         warnings.append(f"other vehicles neither see nor hit phantom obstacles: {', '.join(map(str, phantoms))}")
     return warnings + _kept_recordings(request, edited)

@@ -533,7 +533,7 @@ def _check_next_lane(scene: Scene, base: Track, path: _Path, first: int, who: st
     low, high = _NEXT_LANE_M
     if low <= abs(aside) <= high and turned < math.radians(45.0):
         return
-    where = "heads elsewhere" if turned >= math.radians(45.0) else f"is {abs(aside):.1f} m from the path of {who}"
+    where = "heads elsewhere" if turned >= math.radians(45.0) else f"is {_from_path(aside, who)}"
     fitting = [
         key for key in scene.tracks if key != base.obstacle_id and _is_in_next_lane(scene.tracks[key], path, first)
     ]
@@ -693,6 +693,11 @@ def _sent_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     moves, stays = _verb("move", vehicles), _verb("stay", vehicles)
     what = f"{named_vehicles(vehicles)} {moves} to the oncoming lane within {duration_s:g} s{when} and {stays} there"
     return EditStep(changes, vehicles, what, measure=lambda edited: _asides(edited, made))
+
+
+def _from_path(aside_m: float, who: str) -> str:
+    """Return where a vehicle is next to a path, or that it is on the path."""
+    return f"{abs(aside_m):.1f} m from the path of {who}" if abs(aside_m) >= 0.5 else f"on the path of {who}"
 
 
 def _verb(word: str, vehicles: Sequence[int]) -> str:

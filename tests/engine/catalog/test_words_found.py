@@ -128,7 +128,7 @@ def test_the_origin_of_a_scenario_is_a_condition(
 def test_an_unused_origin_lists_the_existing_ones(three: sqlite3.Connection) -> None:
     found = answer(three, origin="recorded", country="DEU")
     assert found.emptied_by is not None
-    assert "available: origins simulated" in found.emptied_by.note
+    assert "available origins: simulated" in found.emptied_by.note
 
 
 def test_lists_of_places_contain_only_places(three: sqlite3.Connection) -> None:

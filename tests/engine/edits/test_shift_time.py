@@ -78,7 +78,7 @@ def test_a_vehicle_about_to_collide_is_driven_from_then_on_with_a_note(apply: Ap
     assert (touched.cause, touched.from_time_s) == ("shifted", 0.0)
     assert touched.handover_jump_m is not None
     assert outcome.edits[0].what == (
-        "vehicle 33 moved to 1 s earlier than recorded; 33 is driven from 0.0 s: its recording would hit vehicle 32 at "
+        "vehicle 33 drives 1 s earlier than recorded; 33 is driven from 0.0 s: its recording would hit vehicle 32 at "
         "1.8 s"
     )
 
