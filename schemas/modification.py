@@ -456,7 +456,7 @@ class ModifyScenarioResult(Result):
     def _moved(self) -> list[str]:
         """Return the largest displacements of the edited vehicles, largest first."""
         moved = sorted(
-            (vehicle for vehicle in self.touched if vehicle.cause == "edited" and vehicle.moved_m is not None),
+            (one for one in self.touched if one.cause == "edited" and (one.moved_m or 0.0) >= _SEEN_MOVED_M),
             key=lambda vehicle: (-(vehicle.moved_m or 0.0), vehicle.vehicle_id),
         )
         most, _ = self._most(_MOST_TOUCHED)
@@ -541,6 +541,8 @@ def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bo
 
 
 _RISK = f"risk score ({RISK_SCALE})"
+_SEEN_MOVED_M = 0.005
+"""Smaller displacements are not stated."""
 _NEW = {"collision": "new collision"}
 
 

@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from .base import Model
-from .text import REFERENCE_DRIVERS_DO, measured
+from .text import REFERENCE_DRIVERS_DO, class_noun, measured
 from .worlds import SightCode
 
 ContactKind = Literal[
@@ -405,7 +405,7 @@ class Contact(Model):
     @property
     def other(self) -> str:
         """The class and id of the other road user."""
-        return f"{self.obstacle_class} {self.obstacle_id}"
+        return f"{class_noun(self.obstacle_class)} {self.obstacle_id}"
 
     @property
     def _braked(self) -> str:
@@ -423,15 +423,16 @@ class Contact(Model):
     def _what(self) -> str:
         other, came = self.other, "" if self.came_in_s is None else f" at {self.came_in_s:.1f} s"
         directions = {"front": "ahead", "rear": "behind", "left": "the left", "right": "the right", None: "nowhere"}
+        sides = f"the ego's {self.ego_side} against its {self.other_side}"
         texts: dict[ContactKind, str] = {
             "rear_end_by_other": f"hit from behind by {other}",
             "rear_end_by_ego": f"ran into the back of {other}",
             "cut_in": f"ran into {other}, which had cut in{came},",
             "cut_in_by_ego": f"cut in ahead of {other}{came}, and was hit by it",
-            "oncoming": f"hit oncoming {other}, ego's {self.ego_side} against its {self.other_side}",
-            "crossing": f"hit crossing {other}, ego's {self.ego_side} against its {self.other_side}",
-            "side": f"touched {other} {self._alignment}, ego's {self.ego_side} against its {self.other_side}",
-            "into_standing": f"drove into standing {other}, ego's {self.ego_side} against its {self.other_side}",
+            "oncoming": f"hit oncoming {other} ({sides})",
+            "crossing": f"hit crossing {other} ({sides})",
+            "side": f"touched {other} {self._alignment} ({sides})",
+            "into_standing": f"drove into standing {other} ({sides})",
             "onto_standing_ego": f"was hit by {other} from {directions[self.ego_side]} while stationary",
             "road_boundary": "left the road",
             "unclear": f"collided with {other}",
@@ -458,7 +459,7 @@ class Encounter(Model):
     @property
     def other(self) -> str:
         """The class and id of the other road user."""
-        return f"{self.obstacle_class} {self.obstacle_id}"
+        return f"{class_noun(self.obstacle_class)} {self.obstacle_id}"
 
     @property
     def place(self) -> str:

@@ -174,10 +174,15 @@ _CLASS_NOUNS = {"delivery": "delivery van", "emergency": "emergency vehicle"}
 """Nouns for the vehicle classes that are not nouns for a vehicle."""
 
 
+def class_noun(name: str) -> str:
+    """Return the noun for a vehicle class or obstacle type, such as ``delivery van`` or ``parked vehicle``."""
+    noun = _CLASS_NOUNS.get(name, name)
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", noun).lower() if noun.isalpha() else noun
+
+
 def counted(count: int, noun: str) -> str:
     """Return a number with its noun, such as ``16 buses``; obstacle types of two words are split."""
-    noun = _CLASS_NOUNS.get(noun, noun)
-    words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", noun).lower() if noun.isalpha() else noun
+    words = class_noun(noun)
     if count == 1:
         return f"1 {words}"
     ending = "es" if words.endswith(("s", "x", "ch", "sh")) else "s"

@@ -241,7 +241,7 @@ def _notes(
         yield correlation
     if request.detail == "summary" and hidden_findings:
         yield (
-            f"detail=findings lists {counted(hidden_findings, 'further finding')}",
+            f"besides these, detail=findings lists {counted(hidden_findings, 'finding')}",
             {"hidden_findings": hidden_findings},
         )
     shown = len(_page(runs, request)) if request.detail == "rows" else 0

@@ -149,7 +149,7 @@ def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list
 def _range_of(values: Iterable[float]) -> str:
     """Return the range of the values as text, to one decimal, or the single value if all are equal."""
     ordered = sorted(values)
-    low, high = f"{ordered[0]:.1f}", f"{ordered[-1]:.1f}"
+    low, high = f"{round(ordered[0], 1):g}", f"{round(ordered[-1], 1):g}"
     return low if low == high else f"{low} to {high}"
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...schemas.errors import LANELETS_LISTED, VEHICLES_LISTED, InvalidRequest, NotPossible, with_values
 from ...schemas.modification import Achieved, Edit
-from ...schemas.text import counted
+from ...schemas.text import class_noun
 from ..commonroad import Track
 from ..cosimulation import (
     DrivePlan,
@@ -173,9 +173,7 @@ def replace_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         elif fastest > vehicle_class.maximum_speed_mps:
             there = replace(scene, tracks=scene.tracks | {key: track})
             changes = changes.with_plan(_of_class(recorded_plan(there, key, "edited", track.first_step), vehicle_class))
-    what = (
-        f"{named_vehicles(vehicles)} is now a {counted(1, vehicle_class.name)[2:]} ({vehicle_class.length_m:g} m long)"
-    )
+    what = f"{named_vehicles(vehicles)} is now a {class_noun(vehicle_class.name)} ({vehicle_class.length_m:g} m long)"
     return EditStep(changes, vehicles, what)
 
 

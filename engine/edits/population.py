@@ -240,12 +240,14 @@ def resolve_class(word: str | None, *, on_foot: bool = False) -> VehicleClass:
             f"this edit needs a class of vehicle, not '{word}'",
             valid=names,
             next_step="choose a class of vehicle, or add a pedestrian with op add_vehicle",
+            complete=True,
         )
     if word.strip().lower() not in classes:
         raise UnknownName(
             f"there is no vehicle class '{word}' that can be added",
             valid=closest(word, names),
             next_step="give one of these in 'vehicle_class'",
+            complete=True,
         )
     return classes[word.strip().lower()]
 

@@ -213,7 +213,10 @@ def _of_class(word: str, scene: Scene) -> tuple[int, ...]:
         word = vehicle_class_of(word) or word
     if word not in kinds:
         raise UnknownName(
-            f"there is no vehicle class '{word}'", valid=closest(word, sorted(kinds)), next_step="use one of these"
+            f"there is no vehicle class '{word}'",
+            valid=closest(word, sorted(kinds)),
+            next_step="use one of these",
+            complete=True,
         )
     vehicles = tuple(key for key, track in scene.tracks.items() if track.kind == kinds[word])
     if not vehicles:
