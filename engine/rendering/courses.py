@@ -1,5 +1,6 @@
 """Charts of runs over time: speeds of several runs, cost terms of one run, timeline of one run with its moments."""
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -308,7 +309,7 @@ def _marks(record: RunRecord, review: RunReview) -> list[_Mark]:
 
 
 def _contact_marks(contact: Contact) -> Iterable[_Mark]:
-    yield _Mark(contact.time_s, contact.in_words().partition(";")[0], decisive=True)
+    yield _Mark(contact.time_s, re.sub(r" at [\d.]+ s$", "", contact.in_words().partition(" (")[0]), decisive=True)
     if contact.came_in_s is not None:
         yield _Mark(contact.came_in_s, f"{contact.obstacle_class} {contact.obstacle_id} and the ego enter one path")
     if contact.braked_since_s is not None:
