@@ -124,6 +124,7 @@ _MADE_WITH: Mapping[str, str] = {
     "map": "describe_catalog with facet maps lists the built-in maps; import_files adds one",
     "plan": "generate_scenarios with cover",
     "study": "optimize_planner",
+    "boundary": "explore_boundary",
     "job": "generate_scenarios, run_planner or optimize_planner",
 }
 """The calls that create artifacts of each kind."""
