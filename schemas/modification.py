@@ -562,7 +562,7 @@ def _danger_figures(risk: EgoDanger) -> dict[str, str]:
 
 def _figure(value: float | None, unit: str) -> str:
     if value is None:
-        return "none within 60 s" if unit == " s" else "none nearby"
+        return {" s": "none within 60 s", "": "undefined"}.get(unit, "none nearby")
     return f"{value:.3g}{unit}"
 
 
