@@ -50,9 +50,9 @@ def test_reactive_traffic_names_vehicles_that_keep_their_recording(apply: Apply)
     ("times", "named"),
     [
         ((0.0, 0.0), None),
-        ((0.0, 1.5), "vehicle 102 enters at 1.5 s"),
-        ((2.0, 1.5), "vehicle 102 enters at 1.5 s, vehicle 101 enters at 2.0 s"),
-        ((1.5, 1.5), "vehicles 101, 102 enter at 1.5 s"),
+        ((0.0, 1.5), "102 enters at 1.5 s"),
+        ((2.0, 1.5), "102 enters at 1.5 s, 101 enters at 2.0 s"),
+        ((1.5, 1.5), "101, 102 enter at 1.5 s"),
     ],
 )
 def test_vehicles_that_enter_late_are_named_in_order(
