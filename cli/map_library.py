@@ -36,7 +36,7 @@ def add_maps(settings: Settings, paths: Sequence[Path], *, place: str | None, co
         return 2
     for path, item in anyio.run(_add, settings, paths, place, code):
         if isinstance(item, ImportedItem):
-            line = f"{path.name} → {item.artifact_id}: {item.summary}{' (already known)' if item.reused else ''}"
+            line = f"{path.name} → {item.artifact_id}: {item.summary}{' (already stored)' if item.reused else ''}"
             Console().print(escape(line), highlight=False, soft_wrap=True)
         else:
             refused += 1

@@ -101,14 +101,16 @@ class ListedArtifact(Model):
     batch: BatchSummary | None = Field(None, exclude_if=lambda batch: batch is None)
 
     def in_words(self) -> str:
-        """Return the line of an answer: kind, id, description, and time of creation."""
+        """Return the line of an answer: id (after the kind if the id does not begin with it), description, and time."""
+        stated = self.kind in self.artifact_id or self.artifact_id.startswith("cfg_")
+        who = self.artifact_id if stated else f"{self.kind} {self.artifact_id}"
         if self.batch is not None:
-            return f"{self.kind} {self.artifact_id}, {self.made_at}: {self.batch.in_words()}"
+            return f"{who}, {self.made_at}: {self.batch.in_words()}"
         name = f" ({shown_name(self.name)})" if self.name and self.name != self.artifact_id else ""
         more = len(self.parents) - _MOST_PARENTS
         rest = f" and {more} more" if more > 0 else ""
         parents = f" from {', '.join(self.parents[:_MOST_PARENTS])}{rest}" if self.parents else ""
-        return f"{self.kind} {self.artifact_id}{name} by {self.made_by}{parents}, {self.made_at}"
+        return f"{who}{name} by {self.made_by}{parents}, {self.made_at}"
 
 
 _MOST_PARENTS = 4
@@ -122,6 +124,7 @@ _MADE_WITH: Mapping[str, str] = {
     "map": "describe_catalog with facet maps lists the built-in maps; import_files adds one",
     "plan": "generate_scenarios with cover",
     "study": "optimize_planner",
+    "boundary": "explore_boundary",
     "job": "generate_scenarios, run_planner or optimize_planner",
 }
 """The calls that create artifacts of each kind."""
@@ -342,13 +345,13 @@ class ImportFilesResult(Result):
 
     def answer(self) -> Answer:
         """Return the counts, then one line per file."""
-        counts = f"{self.added} added, {self.reused} already known, {self.refused} refused."
+        counts = f"{self.added} added, {self.reused} already stored, {self.refused} refused."
         summary = [counts] if self.added + self.reused + self.refused or not self.note else []
         if self.job_id and (self.state != "done" or self.note):
             summary.append(f"{self.job_id}: {self.state}. {self.note}".rstrip())
         elif self.note and summary:
             summary.append(f"{self.note[0].upper()}{self.note[1:]}.")
-        lines = [f"- {i.artifact_id}: {i.summary}{' (reused)' if i.reused else ''}" for i in self.items]
+        lines = [f"- {i.artifact_id}: {i.summary}{' (already stored)' if i.reused else ''}" for i in self.items]
         lines += [f"- refused {shown_name(item.file)}: {item.reason}" for item in self.refusals]
         hidden = self.added + self.reused + self.refused - len(self.items) - len(self.refusals)
         if hidden:
@@ -359,5 +362,5 @@ class ImportFilesResult(Result):
     def to_line(self) -> str:
         """Return counts and refusals in one line, as the result of a job."""
         refused = "; ".join(f"{shown_name(item.file)}: {item.reason}" for item in self.refusals)
-        counts = f"{self.added} added, {self.reused} already known, {self.refused} refused"
+        counts = f"{self.added} added, {self.reused} already stored, {self.refused} refused"
         return f"{counts}: {refused}" if refused else counts

@@ -124,11 +124,12 @@ def problems_of(model: type[BaseModel], error: ValidationError, noun: str = "fie
 
 
 def problem_of(
-    model: type[BaseModel], detail: ErrorDetails, noun: str = "field", *, ranged: bool = True
+    model: type[BaseModel], detail: ErrorDetails, noun: str = "field", *, ranged: bool = True, alone: bool = False
 ) -> tuple[str, list[str]]:
     """Return a problem with the valid values, nearest first.
 
     ``ranged``: whether the problem states the valid range, too, because its text is used without the values.
+    ``alone``: whether it is the only problem, so that its values need not name the field.
     The text is never pydantic's, which refers to Python's types. An unknown kind of error is described by the values
     that the field accepts. Messages of our own checks are used unchanged.
     """
@@ -138,10 +139,10 @@ def problem_of(
         return f"there is no {noun} '{path}'", closest(str(detail["loc"][-1]), fields, limit=len(fields))
     wanted, described = _expected(model, detail["loc"])
     if kind == "missing":
-        return f"the {noun} '{path}' is missing", [f"{path}={wanted}{described}"]
-    if kind in _CHOICES and (allowed := choices_of(detail)):
+        return f"the required {noun} '{path}' ({wanted}) is missing", []
+    if kind in CHOICES and (allowed := choices_of(detail)):
         return f"{path} cannot be {_short(detail['input'])}", closest(str(detail["input"]), allowed, limit=len(allowed))
-    valid = [f"{path}: {wanted}{described}"]
+    valid = [f"{'' if alone else f'{path}: '}{wanted}{'' if kind in CLOSED_RANGES else described}"]
     if kind == "json_invalid":
         return f"{path} is not valid JSON", valid
     if kind in _OWN_CHECK:
@@ -152,7 +153,7 @@ def problem_of(
         return f"{path} takes {wanted}, not {_given(kind, given)}", valid
     part = "element" if kind in ("too_short", "too_long") else "character"
     if _given(kind, given) != _short(given):
-        return f"{path} cannot have {counted(len(given), part)}", valid
+        return f"{path} cannot {f'have {counted(len(given), part)}' if given else 'be empty'}", valid
     return f"{path} cannot be {_short(given)}", valid
 
 
@@ -217,7 +218,7 @@ def _in_words(schema: Mapping[str, Any]) -> str:
     bounds = [(key, word) for key, word in _BOUNDS if key in schema]
     if len(bounds) == 1:
         bounds = [(key, {"from": "of at least", "to": "of at most"}.get(word, word)) for key, word in bounds]
-    return " ".join([words, *(f"{word} {schema[key]:g}" for key, word in bounds)]) + form
+    return " ".join([words, *(f"{word} {_number(schema[key])}" for key, word in bounds)]) + form
 
 
 def _size_in_words(least: int | None, most: int | None, part: str) -> str:
@@ -237,15 +238,26 @@ def _given(kind: str, value: Any) -> str:
     return _short(value)
 
 
+def _number(value: float) -> str:
+    """Return a number as people write it: with thousands separators, and without a decimal part if it is whole."""
+    return f"{value:,.0f}" if float(value).is_integer() else f"{value:g}"
+
+
 def _short(value: Any) -> str:
     if isinstance(value, str):
         return quoted(value, _SHOWN_CHARACTERS)
+    if isinstance(value, float) and value.is_integer() and abs(value) < _WRITTEN_OUT:
+        return _number(value)
     return one_line(json.dumps(value, default=str), _SHOWN_CHARACTERS)
 
 
+_WRITTEN_OUT = 1e12
+"""Whole numbers below this are written with all their digits (chosen)."""
 _SHOWN_CHARACTERS = 60
 """The maximum length of a given value that a refusal repeats, in characters (chosen)."""
-_CHOICES = ("literal_error", "enum", "union_tag_invalid")
+CHOICES = ("literal_error", "enum", "union_tag_invalid")
+CLOSED_RANGES = ("greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number")
+"""Pydantic's error types for a value outside a set of names, and for a number beyond its bounds."""
 _OWN_CHECK = ("value_error", "assertion_error")
 _KINDS = {
     "array": "a list",

@@ -63,8 +63,11 @@ class DescribeCatalogResult(Result):
         lines = []
         for facet in self.facets:
             note = f" ({facet.note})" if facet.note else ""
-            between = ": " if facet.facet in ("lanes", "speed_limit") else " "
-            names = ", ".join(f"{name}{between}{count}" if count else name for name, count in facet.counts.items())
+            between = " in " if facet.facet in ("lanes", "speed_limit") else " "
+            shows_zero = facet.facet == "ego_speed"
+            names = ", ".join(
+                f"{name}{between}{count}" if count or shows_zero else name for name, count in facet.counts.items()
+            )
             lines.append(f"{facet.facet}{note}: {names or 'none'}")
         for land in self.maps:
             lines.append(f"{land.country}: {counted(land.maps, 'map')}, {counted(land.sites, 'site')}")
@@ -198,7 +201,7 @@ class FindScenariosResult(Result):
     def answer(self) -> Answer:
         """Return counts and matches, and ways out of an empty result."""
         decided = [*self.notes]
-        if self.stages:
+        if len(self.stages) > 1:
             steps = [self._step(stage) for stage in self.stages]
             decided.append(f"Remaining: {' → '.join(steps)}")
         requested = {condition for stage in self.stages for condition in stage.conditions}
@@ -208,17 +211,22 @@ class FindScenariosResult(Result):
         elif self.total > len(self.matches) > 0:
             lines.append(f"… {self.total - len(self.matches)} more: raise offset or limit.")
         if self.emptied_by:
-            lines.append(f"No scenario left after {self.emptied_by.stage}: {self.emptied_by.note}")
+            note = self.emptied_by.note
+            lines.append(f"{note[0].upper()}{note[1:]}{'' if note.endswith('…') else '.'}")
             lines += [
-                f"run_planner also accepts a stage: {self.search_id}:{stage.stage}" for stage in self.stages[-2:-1]
+                f"run_planner also accepts those left after {stage.stage}: {self.search_id}:{stage.stage}"
+                for stage in self.stages[-2:-1]
             ]
         for relaxation in self.relaxations:
-            shown = ", ".join(relaxation.examples)
-            lines.append(f"Without {' and '.join(relaxation.drop)}: {relaxation.matches} match ({shown})")
+            shown, count = ", ".join(relaxation.examples), relaxation.matches
+            drop = " and ".join(relaxation.drop)
+            lines.append(f"Without {drop}, {count} {'matches' if count == 1 else 'match'}: {shown}")
         if self.fallback:
-            lines.append("FALLBACK, not matches (with their unmet conditions):")
+            lines.append("Nearest scenarios, which are not matches, with their unmet conditions:")
             lines += [_line(scenario, requested) for scenario in self.fallback]
-        headline = f"{self.total} of {self.catalogue} scenarios match ({self.search_id}, method {self.method})."
+        verb = "matches" if self.total == 1 or self.catalogue == 1 else "match"
+        of = f"{self.total} of {counted(self.catalogue, 'scenario')}"
+        headline = f"{of} {verb} ({self.search_id}, method {self.method})."
         return Answer(headline, decided, listed=lines)
 
     def _step(self, stage: StageCount) -> str:
@@ -237,7 +245,7 @@ _EVIDENT = re.compile(r"\w+=\d+|.+, [A-Z]{3}|ego [\d.]+ m/s .*")
 
 
 def _line(scenario: FoundScenario, requested: Collection[str]) -> str:
-    unmet = f" · UNMET: {', '.join(scenario.unmet)}" if scenario.unmet else ""
+    unmet = f" · unmet: {', '.join(scenario.unmet)}" if scenario.unmet else ""
     more = [
         evidence
         for evidence in scenario.satisfied

@@ -1,6 +1,7 @@
 """The search for failures: its space, proposals, points and failures, and the tool's arguments and result."""
 
 from collections.abc import Iterator, Sequence
+from typing import Final
 
 from pydantic import Field
 
@@ -202,10 +203,11 @@ class FindFailuresResult(Result):
             return Answer(f"{self.job_id}: {self.state}; {self.message}", next_step=self.next_step)
         found = counted(len(search.failures), "distinct failure")
         other = (
-            f"{counted(search.unavoidable, 'more run')} ended in a failure that no careful driver avoids; "
-            f"{counted(search.implausible, 'proposal')} implausible."
+            f"Runs with failures that no careful driver avoids: {search.unavoidable}. "
+            f"Implausible proposals, which were not run: {search.implausible}."
         )
-        varied = ", ".join(first_of(search.strata, _MOST_STRATA, "in the structured answer"))
+        more = len(search.strata) - _MOST_STRATA
+        varied = ", ".join(search.strata[:_MOST_STRATA]) + (f" and {more} more" if more > 0 else "")
         return Answer(
             f"{search.config_name} near {search.base_id}: {found} that a careful driver avoids, in {search.runs} runs.",
             decided=[f"Varied: {varied}.", other],
@@ -225,15 +227,29 @@ _MOST_FAILURES, _MOST_STRATA = 6, 12
 def _lines(failure: FoundFailure) -> Iterator[str]:
     """Yield a failure: what was changed and its run, then how it ended and what it needs."""
     yield f"{failure.run_id} on {failure.scenario_id}: {failure.change}"
-    drivers = " and ".join(name for name in failure.prevented_by if name in CAREFUL_DRIVERS)
+    names = [CAREFUL_WORDS[name] for name in failure.prevented_by if name in CAREFUL_WORDS]
+    drivers = f"the {' and '.join(names)} driver{'s' * (len(names) > 1)} of UN regulation R157"
     shrunk = failure.shrunk
     reduced = (
         ""
         if shrunk is None
-        else f" Reduced: {shrunk.scenario_id}, {shrunk.road_users_before} → {shrunk.road_users} road users"
-        f"{f', needs {_listed(shrunk.needed)}' if shrunk.needed else ''}."
+        else f" Reduced to {shrunk.scenario_id}: {shrunk.road_users_before} → {shrunk.road_users} road users"
+        f"{f'; the failure needs {_listed(shrunk.needed)}' if shrunk.needed else ''}."
     )
-    yield f"  {failure.reason}; {drivers} would not fail ({failure.cell}).{reduced}"
+    yield f"  {failure.reason}; {drivers} would not fail ({_cell_in_words(failure.cell)}).{reduced}"
+
+
+CAREFUL_WORDS: Final[dict[str, str]] = dict(zip(CAREFUL_DRIVERS, ("careful", "fuzzy"), strict=True))
+"""The careful drivers of UN regulation R157 as answers call them."""
+
+
+def _cell_in_words(cell: str) -> str:
+    """Return a cell with its counterpart and manoeuvre, contact, speed and cause named."""
+    parts = cell.replace("_", " ").split(" | ")
+    if len(parts) != 4:
+        return cell
+    speed = parts[2] if "speed" in parts[2] or "m/s" in parts[2] else f"{parts[2]} speed"
+    return f"{parts[0]}; {parts[1]}; {speed}; cause {parts[3]}"
 
 
 def _listed(words: Sequence[str]) -> str:

@@ -440,8 +440,8 @@ class ModifyScenarioResult(Result):
         reacting = [vehicle for vehicle in self.touched if vehicle.cause == "handed_over"]
         lines = []
         if self.traffic == "reactive":
-            others = counted(len(reacting), "unedited vehicle") if reacting else "no unedited vehicle"
-            lines.append(f"All traffic reacts: {others} simulated.")
+            others = f", {counted(len(reacting), 'unedited vehicle')} too" if reacting else ""
+            lines.append(f"All traffic reacts{others}.")
         elif reacting:
             labels = [f"{vehicle.vehicle_id}{f' ({vehicle.reason})' * bool(vehicle.reason)}" for vehicle in reacting]
             most, _ = self._most(_MOST_TOUCHED)
@@ -450,30 +450,27 @@ class ModifyScenarioResult(Result):
         lines += [*self._moved(), *self._previously_standing()]
         if self.detail == "checks":
             lines += first_of([_touched_text(vehicle) for vehicle in self.touched], *self._most(0))
-        return [
-            *lines,
-            f"{counted(self.untouched, 'vehicle') if self.untouched else 'No vehicles'} exactly as recorded.",
-        ]
+        kept = counted(self.untouched, "vehicle") if self.untouched else "No vehicle"
+        return [*lines, f"{kept} {'stays' if self.untouched < 2 else 'stay'} exactly as recorded."]
 
     def _moved(self) -> list[str]:
         """Return the largest displacements of the edited vehicles, largest first."""
         moved = sorted(
-            (vehicle for vehicle in self.touched if vehicle.cause == "edited" and vehicle.moved_m is not None),
+            (one for one in self.touched if one.cause == "edited" and (one.moved_m or 0.0) >= _SEEN_MOVED_M),
             key=lambda vehicle: (-(vehicle.moved_m or 0.0), vehicle.vehicle_id),
         )
         most, _ = self._most(_MOST_TOUCHED)
         distances = ", ".join(f"{vehicle.vehicle_id} ({vehicle.moved_m:.3g} m)" for vehicle in moved[:most])
-        least = f" and {len(moved) - most} less far" if len(moved) > most else ""
+        least = f" and {len(moved) - most} others by less" if len(moved) > most else ""
         return [f"Farthest from the recording: vehicle{'s' * (len(moved) > 1)} {distances}{least}."] if moved else []
 
     def _previously_standing(self) -> list[str]:
         """Return the vehicles that stood in the recording, perhaps at a light missing in the file, and move now."""
         stood = [(one.vehicle_id, one.stood_until_s) for one in self.touched if one.stood_until_s is not None]
         most, _ = self._most(_MOST_TOUCHED)
-        vehicles = ", ".join(f"vehicle {key} (stood until {until_s:.1f} s)" for key, until_s in stood[:most])
+        vehicles = ", ".join(f"{key} (until {until_s:.1f} s)" for key, until_s in stood[:most])
         more = f" and {len(stood) - most} more" if len(stood) > most else ""
-        drive = "drives" if len(stood) == 1 else "drive"
-        return [f"Stood in the recording, now {drive}: {vehicles}{more}."] if stood else []
+        return [f"Now driving, but standing in the recording: {vehicles}{more}."] if stood else []
 
     def _judged(self) -> list[str]:
         if self.checkers_agree is None:
@@ -532,7 +529,11 @@ def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bo
     if before is None or after is None:
         return ["Ego's risk: unknown, because an ordinary driver cannot be simulated as the ego here."]
     was, now = _danger_figures(before), _danger_figures(after)
-    new = [f"{word} {was.get(word, 'none')} → {now[word]}" for word in now if was.get(word) != now[word]]
+    new = [
+        f"{word} {was[word]} → {now[word]}" if word in was else f"{_NEW.get(word, word)} {now[word]}"
+        for word in now
+        if was.get(word) != now[word]
+    ]
     if not new:
         return [f"No change for the ego: {_RISK} {now[_RISK]}."]
     ego = "an ordinary ego that drives as before" if blind else "the ego"
@@ -540,6 +541,9 @@ def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bo
 
 
 _RISK = f"risk score ({RISK_SCALE})"
+_SEEN_MOVED_M = 0.005
+"""Smaller displacements are not stated."""
+_NEW = {"collision": "new collision"}
 
 
 def _danger_figures(risk: EgoDanger) -> dict[str, str]:
@@ -558,7 +562,7 @@ def _danger_figures(risk: EgoDanger) -> dict[str, str]:
 
 def _figure(value: float | None, unit: str) -> str:
     if value is None:
-        return "none within 60 s" if unit == " s" else "none nearby"
+        return {" s": "none within 60 s", "": "undefined"}.get(unit, "none nearby")
     return f"{value:.3g}{unit}"
 
 

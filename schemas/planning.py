@@ -259,8 +259,11 @@ class ListPlannersResult(Result):
             for item in self.planners
         ]
         lines.append(f"Predictions: {', '.join(self.predictions)}.")
-        lines.append(f"Weights of {self.config_id} ({self.config_name}), 0 to 1e6 (0 = off) unless a range is given:")
-        for item in (weight for weight in self.weights if weight.acts):
+        acting = [weight for weight in self.weights if weight.acts]
+        owner = f"{self.config_id} ({self.config_name})"
+        usual = ", each from 0 (off) to 1,000,000 unless another range is given:" if acting else ": none"
+        lines.append(f"Weights of {owner}{usual}")
+        for item in acting:
             ranged = "" if (item.lowest, item.highest) == (0, 1e6) else f" ({item.lowest:g} to {item.highest:g})"
             lines.append(f"  {item.name}={item.value:g}{ranged}: {item.meaning}; raising: {item.raising}")
         intents = [
@@ -362,9 +365,9 @@ class RunLine(Model):
     config_name: str = ""
     review: RunReview | None = Field(None, description="for a single run and for listed failures")
 
-    def in_words(self) -> str:
-        """Return the run, scenario and configuration, and how it ended."""
-        return f"{self.run_id} on {self.scenario_id} under {self.config_name}: {self._ending}."
+    def in_words(self, modes: str = "") -> str:
+        """Return the run, scenario, configuration and ``modes`` (unusual conditions), and how it ended."""
+        return f"{self.run_id} on {self.scenario_id} under {self.config_name}{modes}: {self._ending}."
 
     @property
     def _ending(self) -> str:
@@ -437,7 +440,7 @@ class RunPlannerResult(Result):
 
     def _single(self) -> str:
         run = self.runs[0]
-        return f"{run.in_words()[:-1]}{self._modes()}{' (already stored)' if self.reused else ''}."
+        return f"{run.in_words(self._modes())}{' This run was already stored.' if self.reused else ''}"
 
     def _moments(self) -> list[str]:
         """Return the closest time of a run without a collision, or only the smallest gap if its steps are missing."""
@@ -469,7 +472,10 @@ def _rate_line(item: ConfigurationSummary) -> str:
     invalid, reached = counts.pop("invalid", 0), counts.pop("goal_reached", 0)
     valid, refused = reached + sum(counts.values()), counts.get("goal_refused", 0)
     by_paper = f" ({reached + refused} of {valid} by the paper's rule, any motion)" if refused else ""
-    parts = [f"goal {reached} of {valid}{by_paper}", *(f"{key} {count}" for key, count in counts.items())]
+    parts = [
+        f"goal {reached} of {valid}{by_paper}",
+        *(f"{key.replace('_', ' ')} {count}" for key, count in counts.items()),
+    ]
     parts += [f"invalid, not counted: {invalid}"] if invalid else []
     return f"{item.config_name} ({item.config_id}): {'; '.join(parts)}"
 

@@ -19,7 +19,7 @@ from .runs import (
     ending,
     excesses_in_words,
 )
-from .text import REFERENCE_DRIVERS_DO, counted, measured, p_figure, p_in_words
+from .text import REFERENCE_DRIVERS_DO, counted, measured, p_figure, p_in_words, signed
 from .text import figure as figure
 
 SIGNIFICANCE_LEVEL = 0.05
@@ -295,9 +295,7 @@ class CollisionCauses(Model):
             without = f"; without such runs, goal about {_estimate(left)}" if without and left is not None else ""
         made = "; collisions caused by the ego are not counted" if "ego" in self.laid_to else ""
         drivers = f" ({REFERENCE_DRIVERS_DO}; taking over just before the contact or at the start{made})"
-        none = (
-            f"; {count} not preventable by any driver{drivers if self.not_preventable else ''}" if self.judged else ""
-        )
+        none = f"; no reference driver prevents {count}{drivers if self.not_preventable else ''}" if self.judged else ""
         counts = ", ".join(f"{count} to {COLLISION_CAUSES[cause]}" for cause, count in self.laid_to.items())
         summary = f"{kinds}{f'; attributed: {counts}' if counts else ''}{none}{without}."
         sample = f"In a random {self.looked_at} of {self.collisions} collisions: " if self.is_sample else ""
@@ -644,7 +642,7 @@ def _several_runs(result: AnalyzeResultsResult) -> Answer:
     main = next((finding.next_step for finding in result.findings if finding.name == "main_failure"), "")
     causes = result.causes
     if causes is not None and causes.recorded_traffic and 2 * causes.from_behind > causes.collisions:
-        main = "run_planner with traffic=reactive: in most collisions a recorded vehicle hit the ego"
+        main = "run_planner with traffic=reactive, because in most collisions a recorded vehicle hit the ego"
     if result.job_id:
         main = f"get_job with job_id '{result.job_id}', then repeat this call: the trial is still running"
     return Answer(head, figures=figures, listed=[*listed, *_noted(result)], next_step=main)
@@ -684,7 +682,7 @@ def _by_any_motion(result: AnalyzeResultsResult) -> list[str]:
 
 def _failures(result: AnalyzeResultsResult) -> list[str]:
     failed = [
-        f"{item.outcome} {item.count} ({_listed(item.run_ids, 2, item.count)})"
+        f"{item.outcome.replace('_', ' ')} {item.count} ({_listed(item.run_ids, 2, item.count)})"
         for item in result.outcomes
         if item.outcome != "goal_reached"
     ]
@@ -717,7 +715,8 @@ def _finding_text(finding: Finding) -> str:
 def _groups(result: AnalyzeResultsResult) -> list[str]:
     def line(group: Group) -> str:
         failures = ", ".join(
-            f"{key} {count}" + (f" ({_listed(group.failed_runs[key], 1, count)})" if key in group.failed_runs else "")
+            f"{key.replace('_', ' ')} {count}"
+            + (f" ({_listed(group.failed_runs[key], 1, count)})" if key in group.failed_runs else "")
             for key, count in group.outcomes.items()
             if key != "goal_reached"
         )
@@ -743,7 +742,7 @@ def _metrics(metrics: Sequence[MetricSummary], valid: int, undefined: Sequence[U
     for item in metrics:
         low, high, middle = measured(item.lowest), measured(item.highest), measured(item.median)
         text = middle if low == high else f"{low}–{high}" if item.n == 2 else f"{middle} ({low}–{high})"
-        some = "" if item.n == valid else f" (in {item.n} runs)"
+        some = "" if item.n == valid else f" (in {counted(item.n, 'run')})"
         parts.append(f"{metric_words(item.name)} {with_unit(text, item.unit)}{some}")
     parts += _undefined(undefined)
     return [f"{'Median (range)' if valid > 2 else 'Range'} over {valid} valid runs: {'; '.join(parts)}."]
@@ -765,7 +764,7 @@ def _rules(result: AnalyzeResultsResult) -> list[str]:
     if result.runs == 1:
         lines = [f"- broken: {one.in_words()}" for one in result.rules if one.violated]
         kept = [
-            f"{one.rule} {one.name} (by {measured(one.robustness)} {one.unit})"
+            f"{one.rule} {one.name} (margin {measured(one.robustness)} {one.unit})"
             for one in result.rules
             if one.robustness is not None and not one.violated
         ]
@@ -801,8 +800,8 @@ def _rows(result: AnalyzeResultsResult) -> list[str]:
         return []
     lines = [
         f"- {row.run_id} {row.scenario_id} {row.config_name}: {ending(row.outcome, row.reason, contact=row.contact)}"
-        f"{'' if row.duration_s is None else f'; {figure(row.duration_s)} s'}"
-        f"{'' if row.minimum_distance_m is None else f', gap {measured(row.minimum_distance_m)} m'}"
+        f"{'' if row.duration_s is None else f'; drove {figure(row.duration_s)} s'}"
+        f"{'' if row.minimum_distance_m is None else f', smallest gap {measured(row.minimum_distance_m)} m'}"
         for row in result.rows
     ]
     more = (
@@ -818,7 +817,9 @@ def _timeline(result: AnalyzeResultsResult) -> list[str]:
     for step in result.timeline:
         gap = f", {step.gap_m:.2f} m to {step.obstacle_id}" if step.gap_m is not None else ""
         cost = f", {step.largest_cost} {_percent(step.largest_cost_share)} of the cost" if step.largest_cost else ""
-        lines.append(f"- {step.time_s:.1f} s: {step.speed_mps:.1f} m/s, {step.acceleration_mps2:+.1f} m/s²{gap}{cost}")
+        lines.append(
+            f"- {step.time_s:.1f} s: {step.speed_mps:.1f} m/s, {signed(step.acceleration_mps2)} m/s²{gap}{cost}"
+        )
     of = {"end": "Before the end", "moment": "Around the most critical moment", "window": "In the requested span"}
     return [f"{of[result.timeline_of]}, with the distance to a road user by its id:", *lines] if lines else []
 
@@ -831,14 +832,14 @@ def _measured(measures: Sequence[MeasuredValue]) -> list[str]:
             absent.setdefault(one.why, []).append(_short_words(one.name))
         else:
             context = [one.partner, "" if one.time_s is None else f"at {one.time_s:.1f} s", one.note]
-            lines.append(f"- {_short_words(one.name)} {measured_figure(one)}{_after_colon(context)}")
+            lines.append(f"- {_short_words(one.name)} {measured_figure(one)}{_with_context(context)}")
     lines += [f"- undefined: {', '.join(names)}: {why}" for why, names in absent.items()]
     return ["Measures (docs/measures.md):", *lines] if lines else []
 
 
-def _after_colon(parts: Iterable[str]) -> str:
+def _with_context(parts: Iterable[str]) -> str:
     shown = ", ".join(part for part in parts if part)
-    return f": {shown}" if shown else ""
+    return f" {shown}" if shown.startswith("at ") else f", {shown}" if shown else ""
 
 
 def _spreads(spreads: Sequence[MeasureSpread]) -> list[str]:

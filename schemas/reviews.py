@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from .base import Model
-from .text import REFERENCE_DRIVERS_DO, measured
+from .text import REFERENCE_DRIVERS_DO, class_noun, measured
 from .worlds import SightCode
 
 ContactKind = Literal[
@@ -104,19 +104,20 @@ class Prevention(Model):
         until = self.by_steering_until_s
         aside = "" if until is None else f"; swerving as late as {until:.1f} s prevents it"
         if not self.possible:
-            starts = " or at the start" if self.drivers else ""
-            takes_over = f"takes over just before the contact{starts}"
-            return f"no reference driver that {takes_over} prevents it ({REFERENCE_DRIVERS_DO}){aside}"
+            starts = " or from the start" if self.drivers else ""
+            return (
+                f"no reference driver prevents it, from just before the contact{starts} ({REFERENCE_DRIVERS_DO}){aside}"
+            )
         prevents = (
             [] if self.by_braking_until_s is None else [f"full braking as late as {self.by_braking_until_s:.1f} s"]
         )
         prevents += [] if until is None else [f"swerving as late as {until:.1f} s"]
         prevents += self._drivers(prevents=True)
         if self.by_braking_until_s is None and not self._drivers(prevents=True):
-            none = "no reference driver that takes over just before the contact prevents it"
+            none = "no reference driver prevents it from just before the contact"
             return f"{none} ({REFERENCE_DRIVERS_DO}){aside}{self._start_in_words()}"
         others = [*self._drivers(prevents=False), *(["swerving"] if self.steering_tried and until is None else [])]
-        without = f", not by {_listed(others, 'or')}" if others else ""
+        without = f", but not by {_listed(others, 'or')}" if others else ""
         return f"preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"
 
     def _start_in_words(self) -> str:
@@ -128,7 +129,7 @@ class Prevention(Model):
             return "; if in control from the start, no driver prevents it"
         if not no:
             return "; if in control from the start, all drivers prevent it"
-        verb = "prevent" if len(yes) > 1 or yes[0].endswith("drivers") else "prevents"
+        verb = "prevent" if len(yes) > 1 else "prevents"
         return f"; if in control from the start, {_listed(yes, 'and')} {verb} it"
 
     def _from_start(self, *, prevents: bool) -> list[str]:
@@ -138,28 +139,25 @@ class Prevention(Model):
             for verdict in self.drivers
             if verdict.start == "start" and verdict.prevents == prevents and verdict.driver != "evading"
         ]
-        names = {name: _DRIVERS_IN_WORDS[name] for name in drivers}
-        if set(CAREFUL_DRIVERS) <= names.keys():
-            names["r157_careful"] = "UN regulation R157's careful and fuzzy drivers"
-            del names["fsm"]
-        return list(names.values())
+        return [_DRIVERS_IN_SHORT[name] for name in drivers]
 
     def _drivers(self, *, prevents: bool) -> list[str]:
         """Return the reference drivers, other than full braking, that do or do not prevent the collision."""
         named = {"careful": self.by_careful_driver, "fuzzy": self.by_fuzzy_driver}
         of_r157 = [name for name, does in named.items() if does == prevents]
         drivers = [f"UN regulation R157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
-        return [*drivers, *([_DRIVERS_IN_WORDS["rss"]] if self.by_rss == prevents else [])]
+        return [*drivers, *(["the Responsibility-Sensitive Safety (RSS) driver"] if self.by_rss == prevents else [])]
 
 
-_DRIVERS_IN_WORDS: dict[ReferenceDriverName, str] = {
+_DRIVERS_IN_SHORT: dict[ReferenceDriverName, str] = {
     "full_braking": "full braking",
-    "r157_careful": "UN regulation R157's careful driver",
-    "fsm": "UN regulation R157's fuzzy driver",
-    "rss": "the driver of Responsibility-Sensitive Safety",
+    "r157_careful": "the careful driver",
+    "fsm": "the fuzzy driver",
+    "rss": "the RSS driver",
     "keep_lane": "keeping lane and speed",
     "evading": "swerving",
 }
+"""The drivers after their first mention, which spells them out."""
 
 
 def _listed(parts: Sequence[str], conjunction: str) -> str:
@@ -321,14 +319,16 @@ class Sight(Model):
         hider = "other bodies" if self.by is None else f"{self.by_class} {self.by}".strip()
         texts: dict[SightCode, str] = {
             "seen": f"{other} was reported",
-            "kept": f"{other} was reported as extrapolated",
+            "kept": f"{other} was reported only by extrapolation",
             "out_of_range": f"{other} was out of the sensors' range",
             "out_of_view": f"{other} was outside the field of view",
             "occluded": f"{other} was hidden by {hider}",
             "missed": f"{other} was in view but not detected",
             "unconfirmed": f"{other} was detected too recently to be reported",
         }
-        until = "up to the contact" if self.since_s is None else f"until {time_s - self.since_s:.1f} s before"
+        until = (
+            "up to the contact" if self.since_s is None else f"until {time_s - self.since_s:.1f} s before the contact"
+        )
         first = "never seen" if self.first_s is None else f"first seen at {self.first_s:.1f} s"
         return f"{texts[self.code]} {until} ({self.code}); {first}"
 
@@ -390,23 +390,22 @@ class Contact(Model):
         also = f"; also touched: {', '.join(map(str, self.also_touched))}" if self.also_touched else ""
         # If the ego caused it by driving along its path as it did, drivers on that path say nothing.
         prevention = self.prevention if self.laid_to != "ego" else None
-        judged = "" if prevention is None else f"; {prevention.in_words()}"
-        if self.unforeseen:
-            judged += (
-                f"; unforeseen: as predicted 1 s earlier, they would have stayed {self.predicted_gap_m:.1f} m apart"
-            )
-        if self.sight is not None:
-            judged += f"; {self.sight.in_words(self.other, self.time_s)}"
+        judged = ""
         if self.fault is not None:
             judged += f"; attributed to {self.fault.in_words()}"
         elif self.laid_to is not None:
             judged += f"; attributed to {COLLISION_CAUSES[self.laid_to]}"
+        if self.unforeseen:
+            judged += f"; unforeseen: the prediction 1 s earlier left them {self.predicted_gap_m:.1f} m apart"
+        if self.sight is not None:
+            judged += f"; {self.sight.in_words(self.other, self.time_s)}"
+        judged += "" if prevention is None else f"; {prevention.in_words()}"
         return f"{self._what} at {self.time_s:.1f} s ({speeds}){also}{judged}"
 
     @property
     def other(self) -> str:
         """The class and id of the other road user."""
-        return f"{self.obstacle_class} {self.obstacle_id}"
+        return f"{class_noun(self.obstacle_class)} {self.obstacle_id}"
 
     @property
     def _braked(self) -> str:
@@ -424,15 +423,16 @@ class Contact(Model):
     def _what(self) -> str:
         other, came = self.other, "" if self.came_in_s is None else f" at {self.came_in_s:.1f} s"
         directions = {"front": "ahead", "rear": "behind", "left": "the left", "right": "the right", None: "nowhere"}
+        sides = f"the ego's {self.ego_side} against its {self.other_side}"
         texts: dict[ContactKind, str] = {
             "rear_end_by_other": f"hit from behind by {other}",
             "rear_end_by_ego": f"ran into the back of {other}",
             "cut_in": f"ran into {other}, which had cut in{came},",
             "cut_in_by_ego": f"cut in ahead of {other}{came}, and was hit by it",
-            "oncoming": f"hit oncoming {other}, ego's {self.ego_side} against its {self.other_side}",
-            "crossing": f"hit crossing {other}, ego's {self.ego_side} against its {self.other_side}",
-            "side": f"touched {other} {self._alignment}, ego's {self.ego_side} against its {self.other_side}",
-            "into_standing": f"drove into standing {other}, ego's {self.ego_side} against its {self.other_side}",
+            "oncoming": f"hit oncoming {other} ({sides})",
+            "crossing": f"hit crossing {other} ({sides})",
+            "side": f"touched {other} {self._alignment} ({sides})",
+            "into_standing": f"drove into standing {other} ({sides})",
             "onto_standing_ego": f"was hit by {other} from {directions[self.ego_side]} while stationary",
             "road_boundary": "left the road",
             "unclear": f"collided with {other}",
@@ -459,7 +459,7 @@ class Encounter(Model):
     @property
     def other(self) -> str:
         """The class and id of the other road user."""
-        return f"{self.obstacle_class} {self.obstacle_id}"
+        return f"{class_noun(self.obstacle_class)} {self.obstacle_id}"
 
     @property
     def place(self) -> str:
@@ -529,8 +529,7 @@ class RunReview(Model):
         least = f"shortest time to collision {measured(urgent.time_to_collision_s)} s"
         if (urgent.obstacle_id, urgent.time_s) == (near.obstacle_id, near.time_s):
             return f"{line}; {least}, at the same time."
-        other = "it" if urgent.obstacle_id == near.obstacle_id else urgent.other
-        return f"{line}; {least} with {other} {urgent.place} at {urgent.time_s:.1f} s."
+        return f"{line}; {least} with {urgent.other} {urgent.place} at {urgent.time_s:.1f} s."
 
     def motion_in_words(self) -> str:
         """Return the largest motions with their times; empty if there are no steps."""

@@ -12,7 +12,7 @@ from pydantic import ConfigDict, Field, JsonValue
 
 from .base import Answer, Arguments, Model, Result
 from .generation import DensityFacts, ScenarioType, SiteFacts, VehicleAbsence
-from .text import cited_all, cited_parts, counted, shown_name
+from .text import cited_all, cited_parts, counted, shown_name, signed
 from .vocabulary import GoalForm
 
 Severity = Literal["error", "warning"]
@@ -339,7 +339,7 @@ class DescribedMotion(Model):
         """Return lines of text: the distance and the events, then one line per moment."""
         did = [f"- {_span_s(event)} s: {event.words}" for event in self.events]
         moments = [
-            f"- {one.time_s:g} s: {one.speed_mps:.1f} m/s, {one.acceleration_mps2:+.1f} m/s², "
+            f"- {one.time_s:g} s: {one.speed_mps:.1f} m/s, {signed(one.acceleration_mps2)} m/s², "
             + (f"lanelet {one.lanelet}" if one.lanelet is not None else "on no lanelet")
             + (f", follows {one.leader}, gap {one.gap_m:.1f} m" if one.gap_m is not None else "")
             for one in self.moments
@@ -475,8 +475,9 @@ class DescribeScenarioResult(Result):
         """Return the scenario, its ego and the focus, then the lists of ``detail``."""
         shown, total = self.description, sum(self.counts.values())
         kinds = ", ".join(counted(count, kind) for kind, count in self.counts.items())
-        traffic = f"{counted(total, 'other road user')} ({kinds})" if total else "no traffic"
-        decided = [f"Tags: {', '.join(self.tags) or 'none'}. Computed: {', '.join(self.features) or 'none'}."]
+        several = f"{counted(total, 'other road user')} ({kinds})" if len(self.counts) > 1 else kinds
+        traffic = several if total else "no traffic"
+        decided = [f"Tags: {', '.join(self.tags) or 'none'}. Features: {', '.join(self.features) or 'none'}."]
         decided += [f"On the ego's lane: {', '.join(self.signs)}."] if self.signs else []
         decided.append(ego_text(shown.ego) if shown.ego else "No planning problem, so no ego.")
         if self.other_problems:
@@ -508,9 +509,9 @@ class DescribeScenarioResult(Result):
         more = shown.vehicles_total - len(shown.vehicles)
         rest = "raise radius_m" if self.detail == "vehicles" else "detail=vehicles"
         measured = ", distances along its lane" if shown.focus == "the ego" else ""
-        measured += f", at {shown.time_s:g} s, relative to the ego's start" if shown.time_s else ""
+        when = f" at {shown.time_s:g} s, relative to the ego's start" if shown.time_s else ""
         others = f" ({more} more: {rest})" if more else ""
-        head = f"Vehicles, nearest to {shown.focus} first{measured}{others}:"
+        head = f"Vehicles{when}, nearest to {shown.focus} first{measured}{others}:"
         return [head, *(_vehicle(vehicle, shown.asked) for vehicle in shown.vehicles)]
 
     def _lanelets(self) -> list[str]:
@@ -547,8 +548,8 @@ def _focus(focus: DescribedFocus) -> list[str]:
     seen = f": {_vehicle_in_words(focus.vehicle, place=', ')}." if focus.vehicle is not None else "."
     recorded = f" Recorded route: {_chain(focus.route)}." if focus.route else ""
     routes = [(" then ".join(route.turns) or "straight", route) for route in focus.reach]
-    reached = [f"{turns} {route.lanelet_id} ({route.distance_m:.0f} m)" for turns, route in routes]
-    return [f"{name}{seen}{recorded} Can reach: {', '.join(reached) or 'no other lanelet'}."]
+    reached = [f"{route.lanelet_id} ({turns}, {route.distance_m:.0f} m)" for turns, route in routes]
+    return [f"{name}{seen}{recorded} Can reach lanelets: {', '.join(reached) or 'none'}."]
 
 
 _PROBLEMS_SHOWN = 6
@@ -559,9 +560,7 @@ def ego_text(ego: DescribedEgo) -> str:
     """Return a line on the ego's start, its goal and its route there."""
     lanes = f"{ego.lanes} lane{'' if ego.lanes == 1 else 's'} in its direction"
     lanelets = (
-        f"lanelet{'s' * (len(ego.lanelets) > 1)} {' and '.join(map(str, ego.lanelets))}"
-        if ego.lanelets
-        else "no lanelet"
+        f"lanelet{'s' * (len(ego.lanelets) > 1)} {', '.join(map(str, ego.lanelets))}" if ego.lanelets else "no lanelet"
     )
     route = f" Route: {ego.way}{f', {_chain(ego.route)}' if ego.route else ''}."
     what = "" if ego.vehicle_class == "car" else f"{ego.vehicle}. Starts at "
@@ -585,7 +584,8 @@ def _vehicle_in_words(vehicle: DescribedVehicle, away: str = "", place: str = ":
     gap = f", gap {vehicle.gap_m:.1f} m" if vehicle.gap_m is not None else ""
     lanelet = f", lanelet {vehicle.lanelet}" if vehicle.lanelet is not None else ", on no lanelet"
     when = f", from {vehicle.from_s:g} s" if vehicle.from_s > 0 else ""
-    speed = f", {vehicle.speed_mps:.1f} m/s" if vehicle.moves else ", standing"
+    shown_speed = f"{vehicle.speed_mps:.1f}"
+    speed = f", {'0' if shown_speed == '0.0' else shown_speed} m/s" if vehicle.moves else ", standing"
     speed = "" if "standing" in vehicle.where else speed
     kind = f"{vehicle.kind} ({vehicle.vehicle_class})" if vehicle.vehicle_class else vehicle.kind
     return f"{kind}{place}{away}{vehicle.where}{speed}{gap}{lanelet}{when}"
@@ -597,8 +597,9 @@ def _lanelet(lanelet: DescribedLanelet) -> str:
     neighbours += [f"opposite {lanelet.opposite}"] if lanelet.opposite is not None else []
     parts = [f"{lanelet.length_m:.0f} m", *([f"edge {shown_name(lanelet.edge)}"] if lanelet.edge else [])]
     parts += [lanelet.role] if lanelet.role else []
-    parts += [f"leads to {', '.join(lanelet.successors)}" if lanelet.successors else "no successor"]
-    parts += [f"neighbours {', '.join(neighbours)}"] if neighbours else []
+    leads = [" to ".join(successor.split(" ", 1)) for successor in lanelet.successors]
+    parts += [f"leads {', '.join(leads)}" if leads else "no successor"]
+    parts += [f"neighbours: {', '.join(neighbours)}"] if neighbours else []
     parts += [f"limit {lanelet.limit_kmh:g} km/h"] if lanelet.limit_kmh else []
-    parts += [f"vehicles {', '.join(map(str, lanelet.vehicles))}"] if lanelet.vehicles else []
+    parts += [f"vehicles: {', '.join(map(str, lanelet.vehicles))}"] if lanelet.vehicles else []
     return f"- {lanelet.lanelet_id}: {'; '.join(parts)}"

@@ -140,8 +140,8 @@ def without_shared_clauses(sentences: Sequence[str]) -> tuple[list[str], list[st
 
 
 REFERENCE_DRIVERS_DO = (
-    "full braking at once; or UN regulation R157's careful and fuzzy drivers or Responsibility-Sensitive Safety, which "
-    "keep the ego's speed until they see a danger"
+    "full braking; UN regulation R157's careful and fuzzy drivers and Responsibility-Sensitive Safety, which keep the "
+    "ego's speed until they see a danger"
 )
 """The drivers of a verdict and what they do, for each statement that no driver prevents a collision."""
 RISK_SCALE = "0 = collision, 5 = negligible"
@@ -174,10 +174,15 @@ _CLASS_NOUNS = {"delivery": "delivery van", "emergency": "emergency vehicle"}
 """Nouns for the vehicle classes that are not nouns for a vehicle."""
 
 
+def class_noun(name: str) -> str:
+    """Return the noun for a vehicle class or obstacle type, such as ``delivery van`` or ``parked vehicle``."""
+    noun = _CLASS_NOUNS.get(name, name)
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", noun).lower() if noun.isalpha() else noun
+
+
 def counted(count: int, noun: str) -> str:
     """Return a number with its noun, such as ``16 buses``; obstacle types of two words are split."""
-    noun = _CLASS_NOUNS.get(noun, noun)
-    words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", noun).lower() if noun.isalpha() else noun
+    words = class_noun(noun)
     if count == 1:
         return f"1 {words}"
     ending = "es" if words.endswith(("s", "x", "ch", "sh")) else "s"
@@ -207,6 +212,12 @@ def figure(value: float | None, digits: int = 3) -> str:
 def measured(value: float | None, digits: int = 3) -> str:
     """Return a measured quantity as :func:`figure` writes it, and 0 below its resolution."""
     return figure(0.0 if value is not None and abs(value) < RESOLUTION else value, digits)
+
+
+def signed(value: float) -> str:
+    """Return a number with its sign to one decimal, and 0 without either."""
+    shown = f"{value:+.1f}"
+    return "0" if float(shown) == 0 else shown
 
 
 def p_figure(p: float | None) -> str:

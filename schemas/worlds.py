@@ -315,8 +315,8 @@ def _assigned(text: str) -> tuple[str, float | str]:
     outside = value is None or not low <= value <= high
     if change.operator != "=" or outside or (change.name == "seed" and value != int(value or 0)):
         raise InvalidRequest(
-            f"'{text}' is not a valid value of a world",
-            valid=[f"{change.name}={low:g} to {high:g}"],
+            f"'{text}' is not a valid setting of a world",
+            valid=[f"{change.name} from {low:g} to {high:,.0f}"],
             next_step="choose a value in this range",
             complete=True,
         )

@@ -33,7 +33,10 @@ async def render(arguments: RenderArguments, call: ToolCall) -> ImageAnswer:
     call.shows(*drawing.viewed)
     images = drawing.made.images
     links = tuple(picture_link(Path(image.path), image.mime_type) for image in images)
-    lines = [f"{drawing.made.kind}: {image.alt_text}" for image in images]
+    kind = drawing.made.kind
+    lines = [
+        image.alt_text if image.alt_text.lower().startswith(kind) else f"{kind}: {image.alt_text}" for image in images
+    ]
     lines += [f"{link.uri} ({image.width_px}×{image.height_px})" for link, image in zip(links, images, strict=True)]
     lines += [f"Note: {note}" for note in drawing.made.notes]
     return ImageAnswer("\n".join(lines), tuple(Image(Path(one.path), one.mime_type) for one in images), links)

@@ -30,10 +30,10 @@ from .runs import after_batch
 
 _NEXT = {
     "running": "repeat get_job with the same job_id",
-    "done": "use the ids above: runs and batches in analyze_results, configurations in run_planner",
+    "done": "analyze_results with the runs and batches above, run_planner with the configurations",
     "failed": "correct the error and repeat the call; finished work is reused",
     "cancelled": "to resume, repeat the call that started the job; finished results are kept",
-    "interrupted": "its server stopped; to resume, repeat the call that started the job; finished work is reused",
+    "interrupted": "repeat the call that started the job, because its server stopped; finished work is reused",
 }
 _MOST_NAMED = 100
 """How many of a token's latest jobs are searched for running ones (chosen)."""
@@ -300,6 +300,8 @@ def _next_step(job: Job) -> str:
         return _NEXT[job.state]
     if job.kind == "plan":
         return f"run_planner with scenarios ['{job.results[0]}']"
+    if job.kind == "boundary" and job.results:
+        return f"render ids ['{job.results[-1]}'], or repeat explore_boundary for the shares"
     batches = _batches(job)
     if batches and job.kind == "batch":
         return after_batch(batches[-1], [key for key in job.recipe.parents if key.startswith("cfg_")])

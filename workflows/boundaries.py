@@ -451,7 +451,7 @@ def _example(record: BoundaryRecord, one: BoundaryMap, point: MapPoint) -> Failu
     return FailureExample(
         config_id=one.config_id,
         values=values,
-        what=f"{one.config_name}: {shown}: {evaluation.run_outcome or 'failure'}{met}{when}",
+        what=f"{one.config_name} at {shown}: {evaluation.run_outcome or 'failure'}{met}{when}",
         base_id=record.base_id,
         edits=tuple(
             edit.model_dump(mode="json", exclude_defaults=True) for edit in concrete_edits(record.scenario, values)

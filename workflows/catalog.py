@@ -58,7 +58,6 @@ async def describe_catalog(arguments: DescribeCatalogArguments, context: Workflo
         raise InvalidRequest(
             f"offset counts maps, and facet={arguments.facet} has no pages",
             valid=["facet=maps", "no offset"],
-            next_step="leave offset out",
             remedies=[with_values(offset=None), with_values(facet="maps")],
         )
     count, facets = scenario_facets(connection, arguments.facet, within)
@@ -128,7 +127,7 @@ def _unknown_place(word: str, context: WorkflowContext) -> UnknownName:
     return UnknownName(
         f"no scenario, map or search matches {quoted(word)}",
         valid=map(cited, closest(word, sorted(places))),
-        next_step="leave within out for all, or choose one of these",
+        next_step="choose one of these",
     ).also(with_values(within=None))
 
 
@@ -178,9 +177,9 @@ def _maps(maps: Sequence[MapFacts], arguments: DescribeCatalogArguments, context
     shown = dict(islice(countries.items(), _COUNTRIES_SHOWN))
     sites = sum(sum(facts.sites.values()) for facts in maps)
     notes = [
-        f"by country, for generate_scenarios; {counted(sites, 'site')}",
+        f"with {counted(sites, 'site')}, by country",
         *([f"{counted(hidden, 'more country')}"] if hidden > 0 else []),
-        *(["facet maps lists them"] if arguments.facet == "all" else []),
+        *(["facet maps lists all"] if arguments.facet == "all" else []),
         *inventory_of_read_maps(context).notes,
     ]
     return FacetCounts(facet="maps", counts=shown if arguments.facet == "all" else countries, note="; ".join(notes))
@@ -197,9 +196,9 @@ def _planners() -> FacetCounts:
         others = [preset for preset in tuning_of(name).presets if preset != "Default"]
         if others:
             planners_of.setdefault(", ".join(others), []).append(name)
-    presets = "; ".join(f"{presets} ({', '.join(names)})" for presets, names in planners_of.items())
+    presets = "; ".join(f"{presets} of {', '.join(names)}" for presets, names in planners_of.items())
     counts = dict.fromkeys(planner_names(), 0)
-    return FacetCounts(facet="planners", counts=counts, note=f"PLANNER:PRESET, Default or {presets}")
+    return FacetCounts(facet="planners", counts=counts, note=f"PLANNER:PRESET; presets besides Default: {presets}")
 
 
 async def find_scenarios(arguments: FindScenariosArguments, context: WorkflowContext) -> FindScenariosResult:

@@ -224,10 +224,10 @@ def _skipped_kinds(
     kinds = Counter(_kind_in_words(entry) for entry in others if not context.workspace.owns(entry))
     if not kinds:
         return ""
-    shown = ", ".join(f"{ending} {count}" for ending, count in kinds.most_common(_KINDS_SHOWN))
-    more = f", other kinds {sum(kinds.values()) - sum(count for _, count in kinds.most_common(_KINDS_SHOWN))}"
+    shown = ", ".join(f"{count} {ending}" for ending, count in kinds.most_common(_KINDS_SHOWN))
+    more = f", others {sum(kinds.values()) - sum(count for _, count in kinds.most_common(_KINDS_SHOWN))}"
     protobuf = f"; {_PROTOBUF}" if kinds[PROTOBUF_ENDING] else ""
-    return f"skipped: {shown}{more if len(kinds) > _KINDS_SHOWN else ''}{protobuf}"
+    return f"skipped files: {shown}{more if len(kinds) > _KINDS_SHOWN else ''}{protobuf}"
 
 
 def _kind_in_words(path: Path) -> str:
@@ -253,7 +253,9 @@ def _kind(path: Path, wanted: str) -> _ImportKind:
     known = _kind_of(path, wanted)
     if known is None:
         raise InvalidRequest(
-            f"{shown_name(path.name)} is of no type that can be imported", valid=[f"*{end}" for end in _SUFFIXES]
+            f"{shown_name(path.name)} has a type that cannot be imported",
+            valid=[f"*{end}" for end in _SUFFIXES],
+            next_step="import a file of one of these types",
         )
     if wanted not in ("auto", known):
         raise InvalidRequest(

@@ -151,8 +151,7 @@ def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunReco
     if not pairing.pairs and not pairing.invalid:
         raise NotPossible(
             f"{before.label} and {after.label} have no planning problem in common, not even in edited versions of one "
-            "scenario",
-            valid=[_conditions(side, records) for side in (before, after)],
+            f"scenario: {'; '.join(_conditions(side, records) for side in (before, after))}",
             next_step="run both configurations on the same scenarios in one run_planner call, or use analyze_results",
         )
     incomparable = before.config_id != after.config_id or any(
@@ -499,7 +498,7 @@ def _flip(pair: tuple[RunRecord, RunRecord], runs: RunSet, place: int) -> Flip:
 def _conditions(side: Side, records: dict[str, RunRecord]) -> str:
     chosen = [records[run_id] for run_id in side.run_ids]
     scenarios = sorted({record.scenario_id for record in chosen})
-    words = sorted({f"{_mode(record)}/seed {record.seed}" for record in chosen})
+    words = sorted({f"{_mode(record).replace('/', ', ')}, seed {record.seed}" for record in chosen})
     more = "…" if len(scenarios) > 2 else ""
     return f"{side.label}: {counted(len(scenarios), 'scenario')} ({', '.join(scenarios[:2])}{more}), {', '.join(words)}"
 

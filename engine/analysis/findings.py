@@ -138,7 +138,7 @@ def _main_failure(evidence: Evidence) -> Iterator[Finding]:
     outcome, count = min(counts.items(), key=lambda item: (-item[1], item[0]))
     run_ids = _ids(record for record in failures if record.outcome == outcome)
     words = outcome.replace("_", " ")
-    statement = f"{words}: {count} of {len(failures)} failures, {count} of {len(evidence.runs.valid)} valid runs."
+    statement = f"{words} in {count} of {len(failures)} failures and {count} of {len(evidence.runs.valid)} valid runs."
     next_step = f"render kind=animation ids=[{run_ids[0]}]"
     ends = tuple(
         FindingMoment(run_id=record.run_id, time_s=record.metrics.duration_s, code=record.outcome)
@@ -628,7 +628,7 @@ def _uncomfortable_turns(evidence: Evidence) -> Iterator[Finding]:
             },
             run_ids=harsh,
             moments=_sharpest(runs, harsh),
-            alternatives="the path to the goal is that tight, given the speed that the goal's time requires",
+            alternatives="the path to the goal is too tight for the speed that the goal's time requires",
             suggestion=_suggestion(runs, config_id, "lateral_jerk"),
         )
 

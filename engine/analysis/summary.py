@@ -240,7 +240,10 @@ def _notes(
     if correlation[0] and request.detail == "findings" and len(runs.sources) > 1:
         yield correlation
     if request.detail == "summary" and hidden_findings:
-        yield f"more findings ({hidden_findings}) with detail=findings", {"hidden_findings": hidden_findings}
+        yield (
+            f"besides these, detail=findings lists {counted(hidden_findings, 'finding')}",
+            {"hidden_findings": hidden_findings},
+        )
     shown = len(_page(runs, request)) if request.detail == "rows" else 0
     if shown and shown < len(runs.sources):
         page = {"first_row": request.offset + 1, "last_row": request.offset + shown}

@@ -72,7 +72,8 @@ def notes_on_names(connection: sqlite3.Connection, constraints: Sequence[Constra
                 other = "features" if kind == "tag" else "tags"
                 if (computed if kind == "tag" else tagged) > 0 and tagged != computed:
                     counts = (tagged, computed) if kind == "tag" else (computed, tagged)
-                    sentences.append(f"'{word}': {counts[0]} as a {kind} (searched), {counts[1]} in {other}.")
+                    found = f"'{word}' is a {kind} of {counted(counts[0], 'scenario')} (searched)"
+                    sentences.append(f"{found} and in the {other} of {counts[1]}.")
     return sentences
 
 
@@ -142,17 +143,17 @@ def _places_of(connection: sqlite3.Connection, word: str) -> tuple[str, list[str
             if spelling in vocabulary:
                 name = spelling
                 if count := _count_scenarios(connection, kind, spelling):
-                    carried.append(f"{kind.replace('sign@map', 'sign')} {count}")
+                    carried.append(f"{count} ({kind.replace('sign@map', 'sign')})")
         if count := _count_scenarios(connection, CIRCUMSTANCE, spelling):
             name = spelling
-            carried.append(f"{CIRCUMSTANCE} {count}")
+            carried.append(f"{count} ({CIRCUMSTANCE})")
         if name:
             break
     obstacle = obstacle_type_of(word)
     if obstacle is not None:
         name = name or obstacle
         if count := _count_scenarios_with_obstacle(connection, obstacle):
-            carried.append(f"obstacle {count}")
+            carried.append(f"{count} (obstacle)")
     return name, carried
 
 
@@ -174,10 +175,10 @@ def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: Emptied
     entering = funnel.entering()
     names = ", ".join(constraint.label for constraint in reason.constraints)
     if reason.together:
-        return f"each of {names} is satisfied by some of the {len(entering)} candidates, but no candidate satisfies all"
+        return f"some of the {len(entering)} candidates satisfy each of {names}, but no candidate satisfies all"
     alternatives = [_alternatives(connection, constraint, funnel, entering) for constraint in reason.constraints]
     existing = "; ".join(values for values in alternatives if values)
-    return f"0 of the {len(entering)} candidates satisfy {names}" + (f"; available: {existing}" if existing else "")
+    return f"no candidate (of {len(entering)}) satisfies {names}" + (f"; available {existing}" if existing else "")
 
 
 def _alternatives(connection: sqlite3.Connection, constraint: Constraint, funnel: Funnel, entering: EntrySet) -> str:
@@ -277,4 +278,4 @@ def _count_scenarios(connection: sqlite3.Connection, kind: str, word: str) -> in
 
 
 def _listed(what: str, nearest: Sequence[str], count: int) -> str:
-    return f"{what} {', '.join(nearest)}{' …' if count > len(nearest) else ''}" if nearest else ""
+    return f"{what}: {', '.join(nearest)}{' …' if count > len(nearest) else ''}" if nearest else ""

@@ -83,7 +83,7 @@ def _words(
     plain = {word: count for word, count in counts.items() if ":" not in word}
     notes = [
         *([f"unused: {', '.join(none)}"] if none else []),
-        *(["also WORD:TYPE"] if len(plain) < len(counts) else []),
+        *(["also as WORD:TYPE"] if len(plain) < len(counts) else []),
     ]
     return [FacetCounts(facet=facet, counts=plain, note="; ".join(notes))]
 
@@ -108,7 +108,9 @@ def _road_net(
     limits = connection.execute("SELECT kmh, number FROM catalog_limits WHERE scope = 'ego'").fetchall()
     posted = _counted([f"{row[0]:g}" for row in limits if row[1] in numbers])
     with_limit = len({row[1] for row in limits if row[1] in numbers})
-    note = "ego's lane, or @map" + ("" if whole or not none else f"; {counted(len(none), 'key')} unused")
+    note = "on the ego's lane, or anywhere with @map" + (
+        "" if whole or not none else f"; {counted(len(none), 'key')} unused"
+    )
     shown = {**on_ego, **on_map, **extra} if whole else _first(on_ego, KEYS_SHOWN) | _first(on_map, KEYS_SHOWN)
     limit_note = "; ".join(_about_limits(posted, with_limit, len(posted) if whole else LIMITS_SHOWN))
     posted = posted if whole else _first(posted, LIMITS_SHOWN)
@@ -138,7 +140,7 @@ def _obstacles(connection: sqlite3.Connection, numbers: frozenset[int], whole: b
     none = [kind for kind in OBSTACLE_TYPES if kind not in counts]
     if whole:
         counts |= dict.fromkeys(none, 0)
-    note = "scenarios with any" + (f"; {counted(len(none), 'type')} unused" if none and not whole else "")
+    note = "scenarios with at least one" + (f"; {counted(len(none), 'type')} unused" if none and not whole else "")
     return [FacetCounts(facet="obstacles", counts=counts, note=note)]
 
 

@@ -235,10 +235,11 @@ class Search:
         text = self._text_words
         few = len(text.found) + len(text.nowhere) <= _FEW_WORDS
         notes = ["The text index was damaged and has been rebuilt."] if ranking and ranking.mended_index else []
-        notes += [f"Scenarios per word of the text: {'; '.join(text.found)}."] if text.found else []
+        notes += [f"Scenarios with words of the text: {'; '.join(text.found)}."] if text.found else []
         if text.nowhere and (text.alone or few):
-            words = ", ".join(f"'{one_line(word)}'" for word in text.nowhere)
-            verb = "is" if len(text.nowhere) == 1 else "are"
+            *first, last = (f"'{one_line(word)}'" for word in text.nowhere)
+            words = f"{', '.join(first)} and {last}" if first else last
+            verb = "occurs" if len(text.nowhere) == 1 else "occur"
             nothing = text.alone and self._is_dissimilar(ranking)
             matched = "the text matches nothing" if nothing else "results are ordered by similar meaning"
             notes.append(f"{words} {verb} in no title, tag, place or description; {matched}.")

@@ -335,7 +335,7 @@ def _possible_friction(path: Path, text: str | None) -> float | None:
     if friction is not None and not LEAST_FRICTION <= friction <= MOST_FRICTION:
         raise UnsafeInput(
             f"{shown_name(path.name)} states a friction of {cited(text or '')}, which is impossible for a road",
-            valid=[f"{LEAST_FRICTION:g} … {MOST_FRICTION:g}"],
+            valid=[f"{LEAST_FRICTION:g} to {MOST_FRICTION:g}"],
             next_step="correct the file's <?plannerforge friction=…?>, or remove it",
         )
     return friction

@@ -34,8 +34,8 @@ class _ParameterRange:
         return self.low + (self.high - self.low) / 100 if self.above else self.low
 
     def __str__(self) -> str:
-        """Return the range in interval notation."""
-        return f"{'(' if self.above else '['}{self.low:g}, {self.high:g}]"
+        """Return the range in words."""
+        return f"{'above' if self.above else 'from'} {self.low:g} {'up ' if self.above else ''}to {self.high:g}"
 
 
 PARAMETERS: Mapping[str, _ParameterRange] = {
@@ -117,7 +117,7 @@ def behaviour_from(
             raise UnknownName(
                 f"there is no behaviour preset '{preset}'",
                 valid=closest(preset, _PRESET_VALUES),
-                next_step="give one of these, or set individual parameters with 'params'",
+                next_step="use one of these, or set individual parameters with 'params'",
                 complete=True,
             )
         values = presets()[name] | ({} if own_gap_m is None else {"minGap": own_gap_m})
@@ -186,7 +186,7 @@ def _assigned(values: Mapping[str, float], assignment: Assignment, text: str) ->
     if assignment.operand is None:
         raise InvalidRequest(
             f"{assignment.name} needs a number",
-            valid=[f"{assignment.name} in {allowed}"],
+            valid=[f"{assignment.name} {allowed}"],
             next_step=f"write '{assignment.name}=NUMBER'",
             remedies=[instead(text, f"{assignment.name}={values[assignment.name]:g}")],
         )
@@ -196,7 +196,7 @@ def _assigned(values: Mapping[str, float], assignment: Assignment, text: str) ->
     if not math.isfinite(value) or not allowed.contains(value):
         raise InvalidRequest(
             f"{assignment.name}={value:g} is out of range ({allowed.meaning})",
-            valid=[f"{assignment.name}={allowed.nearest(value):g}", f"{assignment.name} in {allowed}"],
+            valid=[f"{assignment.name}={allowed.nearest(value):g}", f"{assignment.name} {allowed}"],
             next_step="choose a value within the range",
             given=text,
         )

@@ -231,7 +231,7 @@ def check_speed(speed_mps: float, largest_mps: float, refusal: str, next_step: s
         nearest_mps = math.floor(10 * largest_mps) / 10 if speed_mps > 0.0 else 0.0
         raise InvalidRequest(
             refusal,
-            valid=[f"0 … {largest_mps:g} m/s"],
+            valid=[f"0 to {largest_mps:g} m/s"],
             next_step=next_step,
             remedies=[with_values(speed=f"{nearest_mps:g}m/s")],
         )
@@ -246,7 +246,7 @@ def parse_speed(text: str, largest_mps: float) -> float:
     try:
         return parse_quantity(text, "m/s")
     except InvalidRequest as refusal:
-        raise refusal.with_valid(f"0 … {largest_mps:g} m/s") from refusal
+        raise refusal.with_valid(f"0 to {largest_mps:g} m/s") from refusal
 
 
 _TIMES_TRIED = (0.0, 0.2, 0.5)

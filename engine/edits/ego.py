@@ -217,7 +217,7 @@ def _speeds(text: str | None, ego: Ego) -> tuple[float, float] | None:
     if high > top_mps + _SPEED_TOLERANCE_MPS or high <= low:
         raise InvalidRequest(
             f"a {ego.vehicle_class} cannot drive at goal_speed '{text}'",
-            valid=[f"0 … {top_mps} m/s"],
+            valid=[f"0 to {top_mps} m/s"],
             next_step="choose a speed or an interval within it, as '8..12m/s'",
             remedies=[with_values(goal_speed=f"<={top_mps:g}m/s")],
         )
@@ -245,7 +245,7 @@ def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         raise InvalidRequest(
             "set_ego takes a vehicle in 'vehicles', a start, or a class for the ego",
             valid=["vehicles=[ID]", "at=LANELET", "speed='8m/s'", "vehicle_class=truck"],
-            next_step="give one of these",
+            next_step="use one of these",
         )
     if edit.former_ego == "traffic" and not edit.vehicles and edit.at is None:
         raise InvalidRequest(
@@ -310,7 +310,7 @@ def _instead_of(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[C
             f"vehicle {names} cannot become the ego: give one recorded motor vehicle that is on a lanelet when the ego "
             "starts",
             valid=classes,
-            next_step="give one of these",
+            next_step="use one of these",
         )
     track = scene.tracks[chosen[0]]
     index = ego.step - track.first_step
@@ -436,7 +436,8 @@ class _GoalTask:
         """Return the time window (counted from the scenario's start) and the speed interval as text."""
         time, speed = "at any time", "at any speed"
         if self.window_s is not None:
-            time = f"from {self.start_s + self.window_s[0]:.1f} to {self.start_s + self.window_s[1]:.1f} s"
+            first, last = (f"{self.start_s + time_s:.1f}" for time_s in self.window_s)
+            time = f"at {first} s" if first == last else f"from {first} to {last} s"
         if self.speeds_mps is not None:
             speed = f"at {self.speeds_mps[0]:.1f} to {self.speeds_mps[1]:.1f} m/s"
         return f"{time}, {speed}"

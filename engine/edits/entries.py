@@ -251,7 +251,7 @@ def entry_speed(
     speed = usual if nearest is None else min(nearest.speed_mps, fastest)
     if nearest is not None:
         alike = nearest.speed_mps <= fastest
-        reason = f"as vehicle {nearest.vehicle_id}, the nearest in the lane" if alike else _AS_FAST_AS_IT_CAN
+        reason = f"like vehicle {nearest.vehicle_id}, the nearest in the lane" if alike else _AS_FAST_AS_IT_CAN
     leaders = [one for one in neighbours if one.distance_m > 0]
     if leaders:
         leader = min(leaders, key=lambda one: one.distance_m)

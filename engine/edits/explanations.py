@@ -140,14 +140,16 @@ def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list
     for reason, closest_mps in missed.items():
         do = "does" if len(closest_mps) == 1 else "do"
         best = _range_of(closest_mps.values())
-        sentences.append(f"{listed(tuple(closest_mps))} {do} not reach the speed (closest: {best} m/s): {reason}")
+        sentences.append(
+            f"{listed(tuple(closest_mps))} {do} not reach the speed (closest: {best} m/s), because {reason}"
+        )
     return sentences, achieved
 
 
 def _range_of(values: Iterable[float]) -> str:
     """Return the range of the values as text, to one decimal, or the single value if all are equal."""
     ordered = sorted(values)
-    low, high = f"{ordered[0]:.1f}", f"{ordered[-1]:.1f}"
+    low, high = f"{round(ordered[0], 1):g}", f"{round(ordered[-1], 1):g}"
     return low if low == high else f"{low} to {high}"
 
 
@@ -305,7 +307,7 @@ class DrivenVehicle:
             blocking = ", ".join(str(other) for other in self.track.blocked_by[:_MOST_NAMED] if other > 0)
             return f"remove_vehicle {blocking}, or {nearer}" if blocking else nearer
         if not self.track.leaves and self.rest_of_route and not self.plan.targets.isdisjoint(targets):
-            return f"set_speed of {key} to a higher one, or {nearer}"
+            return f"set a higher speed for {key} with set_speed, or {nearer}"
         return nearer
 
     @property

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...schemas.errors import LANELETS_LISTED, VEHICLES_LISTED, InvalidRequest, NotPossible, with_values
 from ...schemas.modification import Achieved, Edit
+from ...schemas.text import class_noun
 from ..commonroad import Track
 from ..cosimulation import (
     DrivePlan,
@@ -172,7 +173,7 @@ def replace_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         elif fastest > vehicle_class.maximum_speed_mps:
             there = replace(scene, tracks=scene.tracks | {key: track})
             changes = changes.with_plan(_of_class(recorded_plan(there, key, "edited", track.first_step), vehicle_class))
-    what = f"{named_vehicles(vehicles)} is now a {vehicle_class.name} ({vehicle_class.length_m:g} m long)"
+    what = f"{named_vehicles(vehicles)} is now a {class_noun(vehicle_class.name)} ({vehicle_class.length_m:g} m long)"
     return EditStep(changes, vehicles, what)
 
 
@@ -257,7 +258,7 @@ def _next_light(scene: Scene, plan: DrivePlan) -> tuple[Signal, int, float]:
         if key in by_lanelet and line_m > 0.0:
             return by_lanelet[key], key, line_m
     raise NotPossible(
-        f"no traffic light that has a cycle is ahead of vehicle {plan.start.obstacle_id} on its route",
+        f"vehicle {plan.start.obstacle_id} has no traffic light with a cycle ahead on its route",
         valid=[f"lights at lanelet {key}" for key in sorted(by_lanelet)] or ["set_light to=[LANELET] adds one"],
         next_step="choose a vehicle that reaches a light, or add one with set_light",
     )
@@ -319,7 +320,7 @@ def close_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     if not 0 <= begin < last:
         raise InvalidRequest(
             f"a closure from {begin * scene.step_s:g} s is outside the scenario",
-            valid=[f"time_s in 0 … {(scene.last_step - 1) * scene.step_s:g}"],
+            valid=[f"time_s from 0 to {(scene.last_step - 1) * scene.step_s:g}"],
             next_step="choose another time",
             remedies=within_time(begin, 0, scene.last_step - 1, scene),
         )

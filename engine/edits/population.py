@@ -15,7 +15,6 @@ import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest, with_values
 from ...schemas.modification import Edit
-from ...schemas.text import counted
 from ..commonroad import Track
 from ..cosimulation import (
     DrivePlan,
@@ -150,7 +149,7 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     why = f" ({entering[0].reason})" if entering[0].reason else ""
     gaps = f"{entering[-1].ahead}, {entering[0].behind}"
     stands = ", stands until another edit moves it" if changes.driven[added[0]].manoeuvres else ""
-    what = f"{who} {where}, {_entries(edit, scene, changes, added)}{why}{stands}, gaps: {gaps}"
+    what = f"{who} {where}, at {_entries(edit, scene, changes, added, why)}{stands}, gaps: {gaps}"
     aims = {key: (changes.driven[key].targets,) for key in added if changes.driven[key].targets}
     return EditStep(changes, tuple(added), what, added=tuple(added), aims=aims)
 
@@ -159,10 +158,15 @@ def _why_there(edit: Edit) -> str:
     """Return text on how the place was computed; empty if the edit gives a position on a lanelet."""
     if edit.position is not None:
         return ""
-    lane = f", lane {edit.lane}" if edit.lane else ""
-    offset = f", {abs(edit.offset_m):g} m {'ahead' if edit.offset_m > 0 else 'behind'}" if edit.offset_m else ""
     of_lanelet = (edit.at or "").strip().isdigit() and not edit.offset_m
-    return " (its middle, because no position was given)" if of_lanelet else f" (from {edit.at}{lane}{offset})"
+    if of_lanelet:
+        return " (its middle, because no position was given)"
+    place = (edit.at or "").strip().replace("vehicle:", "vehicle ")
+    who = "the ego" if place == "ego" else place
+    distance, unit = (edit.gap_s, "s") if edit.gap_s is not None else (edit.offset_m, "m")
+    where = f"{abs(distance):g} {unit} {'ahead of' if distance > 0 else 'behind'}" if distance else "at"
+    lane = f", {edit.lane} lane" if edit.lane else ""
+    return f" ({where} {who}{lane})"
 
 
 def _where(places: list[Place], spacing_m: float) -> str:
@@ -191,12 +195,15 @@ def _no_more(error: NotPossible, number: int, count: int, spacing_m: float, vehi
     )
 
 
-def _entries(edit: Edit, scene: Scene, changes: Changes, added: list[int]) -> str:
-    """Return speeds and times of entries, once if all are equal, with the requested time if it differs."""
+def _entries(edit: Edit, scene: Scene, changes: Changes, added: list[int], why: str) -> str:
+    """Return speeds and times of entries, once if all are equal, with the requested time if it differs.
+
+    ``why`` is the reason for the speed, in brackets, or empty.
+    """
     words = []
     for key in added:
         start = changes.driven[key].start
-        entry = f"{start.speeds_mps[0]:.1f} m/s, from {start.first_step * scene.step_s:.1f} s"
+        entry = f"{round(start.speeds_mps[0], 1):g} m/s{why} from {start.first_step * scene.step_s:g} s"
         late = start.first_step > _requested_step(edit, scene)
         words.append(f"{entry} (requested: {edit.time_s:g} s, but the place is not free earlier)" if late else entry)
     if len(set(words)) == 1:
@@ -230,15 +237,17 @@ def resolve_class(word: str | None, *, on_foot: bool = False) -> VehicleClass:
         return classes[known]
     if known == PEDESTRIAN.name:
         raise NotPossible(
-            f"'{word}' is a pedestrian, but the edit needs a class of vehicle",
+            f"this edit needs a class of vehicle, not '{word}'",
             valid=names,
             next_step="choose a class of vehicle, or add a pedestrian with op add_vehicle",
+            complete=True,
         )
     if word.strip().lower() not in classes:
         raise UnknownName(
             f"there is no vehicle class '{word}' that can be added",
             valid=closest(word, names),
             next_step="give one of these in 'vehicle_class'",
+            complete=True,
         )
     return classes[word.strip().lower()]
 
@@ -291,7 +300,7 @@ def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehicl
     if not 0 <= first < scene.last_step:
         raise InvalidRequest(
             f"departure at {first * scene.step_s:.1f} s is not before the scenario's end",
-            valid=[f"0 … {(scene.last_step - 1) * scene.step_s:.1f} s"],
+            valid=[f"0 to {(scene.last_step - 1) * scene.step_s:.1f} s"],
             next_step="choose an earlier time_s",
             remedies=within_time(first, 0, scene.last_step - 1, scene),
         )
@@ -341,9 +350,9 @@ def _add_parked(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehic
     foreign = [name for name in ("to", "preset", "params", "speed", "time_s") if name in edit.given]
     if foreign:
         raise InvalidRequest(
-            f"{', '.join(foreign)} applies to driving vehicles; side parks one at the kerb",
+            f"{' and '.join(foreign)} cannot be combined with side, which parks a vehicle at the kerb",
             valid=["at", "position", "lane", "offset_m", "count", "spacing_m", "side"],
-            next_step="remove it, or remove side",
+            next_step=f"remove {' and '.join(foreign)}, or remove side",
             remedies=[with_values(**dict.fromkeys(foreign))],
         )
     place, side = first_place(edit, scene, changes, vehicle_class.length_m), edit.side or "right"
@@ -447,7 +456,7 @@ def _add_crossing(edit: Edit, scene: Scene, changes: Changes, who: _Crosser) -> 
     if not 0 <= first < scene.last_step:
         raise InvalidRequest(
             f"departure at {first * scene.step_s:.1f} s is not within the scenario",
-            valid=[f"0 … {(scene.last_step - 1) * scene.step_s:.1f} s"],
+            valid=[f"0 to {(scene.last_step - 1) * scene.step_s:.1f} s"],
             next_step="choose another time_s",
         )
     waits_s = edit.duration_s or 0.0
@@ -462,7 +471,7 @@ def _add_crossing(edit: Edit, scene: Scene, changes: Changes, who: _Crosser) -> 
     script = Script(track, parts, bool(edit.dodge))
     replay = Replay(track, None, script=script if script.depends_on_ego else None)
     changes = replace(changes.with_replay(replay), next_id=changes.next_id + 1)
-    what = f"{who.name} {track.obstacle_id} {where}, {speed:.1f} m/s, from {first * scene.step_s:.1f} s"
+    what = f"{who.name} {track.obstacle_id} {where} at {round(speed, 1):g} m/s from {first * scene.step_s:g} s"
     if waits_s:
         what += f", after standing there for {waits_s:g} s"
     if trigger is not None:
@@ -642,4 +651,4 @@ def remove_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     vehicles = select(edit.vehicles, scene, changes)
     for vehicle_id in vehicles:
         changes = changes.without(vehicle_id)
-    return EditStep(changes, vehicles, f"removed {counted(len(vehicles), 'road user')}: {listed(vehicles, 12)}")
+    return EditStep(changes, vehicles, f"removed {listed(vehicles, 12)}")

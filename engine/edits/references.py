@@ -31,8 +31,8 @@ from .changes import Changes, scene_for_references
 
 _TIE = 1e-3
 """Speeds in m/s or distances in m that differ by less are equal for a description."""
-_NAME_A_VEHICLE = "give one of these ids; describe_scenario with detail=vehicles lists them all"
-_NAME_A_LANELET = "give one of these; describe_scenario with detail=lanelets lists them all"
+_NAME_A_VEHICLE = "use one of these ids"
+_NAME_A_LANELET = "use one of these lanelets"
 _MOST_CANDIDATES = 3
 """Number of vehicles that are described if a selector matches several (chosen)."""
 _MEAN_ALL = ("id", "new", "all", "class")
@@ -123,8 +123,10 @@ def describe_matches(texts: Sequence[str], vehicles: Sequence[int], scene: Scene
         index = track.index_at(step)
         where = ""
         if lane is not None and index is not None:
-            where = f" {lane.where(track, index, match.at(index) if match else None).words}"
-        named.append(f"{key} {track.kind}{where}")
+            where = f", {lane.where(track, index, match.at(index) if match else None).words}"
+        named.append(f"{track.kind} {key}{where}")
+    if not named:
+        return ""
     more = f" and {len(vehicles) - _MOST_CANDIDATES} more" if len(vehicles) > _MOST_CANDIDATES else ""
     return f"{', '.join(map(_with_meaning, texts))}: {'; '.join(named)}{more}"
 
@@ -211,7 +213,10 @@ def _of_class(word: str, scene: Scene) -> tuple[int, ...]:
         word = vehicle_class_of(word) or word
     if word not in kinds:
         raise UnknownName(
-            f"there is no vehicle class '{word}'", valid=closest(word, sorted(kinds)), next_step="give one of these"
+            f"there is no vehicle class '{word}'",
+            valid=closest(word, sorted(kinds)),
+            next_step="use one of these",
+            complete=True,
         )
     vehicles = tuple(key for key, track in scene.tracks.items() if track.kind == kinds[word])
     if not vehicles:
@@ -235,7 +240,7 @@ def _the_only(
 def _outermost(side: str, scene: Scene) -> tuple[int, ...]:
     if side not in ("leftmost", "rightmost"):
         raise UnknownName(
-            f"there is no lane '{side}'", valid=["lane:leftmost", "lane:rightmost"], next_step="give one of these"
+            f"there is no lane '{side}'", valid=["lane:leftmost", "lane:rightmost"], next_step="use one of these"
         )
     outermost, step = [], scene.ego.step if scene.ego else 0
     for key in _vehicles(scene):

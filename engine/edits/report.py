@@ -118,7 +118,7 @@ def _values_in_words(values: tuple[Achieved, ...]) -> list[str]:
     by_vehicles: dict[tuple[int, ...], list[str]] = {}
     for words, keys in vehicles.items():
         by_vehicles.setdefault(tuple(keys), []).append(words)
-    return [f"{listed(keys)}: {', '.join(words)}" for keys, words in by_vehicles.items()]
+    return [f"achieved by {listed(keys)}: {', '.join(words)}" for keys, words in by_vehicles.items()]
 
 
 def _judged(request: ModificationRequest, edited: EditedScene) -> tuple[tuple[TouchedVehicle, ...], int | None]:
@@ -215,7 +215,8 @@ def _ego_notes(simulated: SimulatedEdits) -> list[str]:
     entering = entering_onto_ego(simulated)
     if entering:
         keys = ", ".join(map(str, entering))
-        notes.append(f"vehicle {keys} enters at the position of an ego that drives like an ordinary driver")
+        who = f"vehicle {keys} enters" if len(entering) == 1 else f"vehicles {keys} enter"
+        notes.append(f"{who} at the position of an ego that drives like an ordinary driver")
     start, removed = simulated.changes.ego or simulated.scene.ego, simulated.changes.removed
     left = {key: track for key, track in simulated.scene.tracks.items() if key not in removed}
     own = [key for key, track in left.items() if start is not None and is_own_recording(track, start)]
@@ -238,7 +239,7 @@ def _left_out_notes(before: EgoRisk | None, after: EgoRisk | None) -> list[str]:
     if not new:
         return []
     keys = ", ".join(map(str, new))
-    return [f"not counted in the ego's risk after the edit, because their recording hits it from behind: {keys}"]
+    return [f"the ego's risk after the edit does not count {keys}, which would hit it from behind as recorded"]
 
 
 def _warnings(request: ModificationRequest, edited: EditedScene) -> list[str]:
@@ -249,11 +250,11 @@ def _warnings(request: ModificationRequest, edited: EditedScene) -> list[str]:
     phantoms = sorted(int(one.obstacle_id) for one in scene.loaded.scenario.phantom_obstacle)
     warnings = _late_entries(edited)
     if unseen and result.plans:
-        warnings.append(
-            f"recorded off the lanelets, so driven vehicles do not see them: {', '.join(map(str, sorted(unseen)))}"
-        )
+        off = ", ".join(map(str, sorted(unseen)))
+        why = "it is recorded" if len(unseen) == 1 else "they are recorded"
+        warnings.append(f"driven vehicles do not see {off}, because {why} off the lanelets")
     if phantoms and result.plans:
-        warnings.append(f"phantom obstacles, which other vehicles neither see nor hit: {', '.join(map(str, phantoms))}")
+        warnings.append(f"other vehicles neither see nor hit phantom obstacles: {', '.join(map(str, phantoms))}")
     return warnings + _kept_recordings(request, edited)
 
 
@@ -272,8 +273,7 @@ def _late_entries(edited: EditedScene) -> list[str]:
     if not late:
         return []
     entries = [
-        f"vehicle{'s' * (len(keys) > 1)} {', '.join(map(str, keys))} enter{'s' * (len(keys) == 1)} at "
-        f"{step * edited.scene.step_s:.1f} s"
+        f"{', '.join(map(str, keys))} enter{'s' * (len(keys) == 1)} at {step * edited.scene.step_s:.1f} s"
         for step, keys in late.items()
     ]
     return [f"{', '.join(entries)}: CommonRoad's schema requires time 0, but its reader accepts this"]
@@ -284,11 +284,15 @@ def _kept_recordings(request: ModificationRequest, edited: EditedScene) -> list[
     scene, changes, result = edited.scene, edited.changes, edited.result
     warnings = []
     if result.missing:
+        keys = ", ".join(map(str, result.missing))
+        who = f"vehicle {keys} keeps its" if len(result.missing) == 1 else f"vehicles {keys} keep their"
+        them = "it" if len(result.missing) == 1 else "them"
         warnings.append(
-            f"vehicle {', '.join(map(str, result.missing))} keeps its recording although it should react: SUMO did "
-            "not insert it, or the scenario ends"
+            f"{who} recording instead of reacting, because SUMO did not insert {them} before the scenario ends"
         )
     mute = [key for key in scene.tracks if key not in {*result.plans, *changes.removed, *changes.replays}]
     if request.traffic == "reactive" and mute:
-        warnings.append(f"cannot be driven, so they keep their recording: {', '.join(map(str, mute))}")
+        keys = ", ".join(map(str, mute))
+        who = f"vehicle {keys} keeps its" if len(mute) == 1 else f"vehicles {keys} keep their"
+        warnings.append(f"{who} recording, because SUMO cannot drive {'it' if len(mute) == 1 else 'them'}")
     return warnings

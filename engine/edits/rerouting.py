@@ -48,9 +48,9 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """
     if bool(edit.to or edit.via) == bool(edit.turn):
         raise InvalidRequest(
-            "reroute takes either 'to' or 'turn', and 'via' with 'to'",
+            "reroute needs either 'to' or 'turn'; 'via' needs 'to'",
             valid=["to=[lanelet]", "via=[lanelet] to=[lanelet]", "turn=left|right|straight"],
-            next_step="give one of these",
+            next_step="use one of these",
         )
     vehicles = select(edit.vehicles, scene, changes)
     for vehicle_id in vehicles:

@@ -236,7 +236,7 @@ def _begin_of(edit: Edit, scene: Scene, changes: Changes, track: Track) -> tuple
     if not track.first_step <= step <= last:
         raise InvalidRequest(
             f"vehicle {track.obstacle_id} is not there at {step * scene.step_s:g} s",
-            valid=[f"time_s in {track.first_step * scene.step_s:g} … {max(last, 0) * scene.step_s:g}"],
+            valid=[f"time_s from {track.first_step * scene.step_s:g} to {max(last, 0) * scene.step_s:g}"],
             next_step="choose a time_s at which it is there",
             remedies=within_time(step, begin, last, scene),
         )
@@ -287,7 +287,7 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
         on_road = "" if scene.friction is None else f" on a road with a friction of {scene.friction:g}"
         raise InvalidRequest(
             f"no vehicle can change its speed by {rate:g} m/s²{on_road}",
-            valid=[f"0 … {hardest:g} m/s²"],
+            valid=[f"0 to {hardest:g} m/s²"],
             next_step="choose a smaller rate_mps2",
             remedies=[with_values(rate_mps2=hardest)],
         )
@@ -320,7 +320,7 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
         return tuple(found)
 
     when = _since(edit, made, scene.step_s)
-    speed = ", ".join(f"{wanted:.1f} m/s" for _, wanted, _ in list(made.values())[:3])
+    speed = ", ".join(f"{round(wanted, 1):g} m/s" for _, wanted, _ in list(made.values())[:3])
     what = f"{named_vehicles(vehicles)} brought to {speed} at a prescribed {rate:g} m/s²{when}"
     return EditStep(changes, vehicles, what, measure=measured)
 
@@ -444,8 +444,9 @@ def swerve(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     side = "right" if edit.side == "right" else "left"
     when = _since(edit, made, scene.step_s)
     what = (
-        f"{named_vehicles(vehicles)} swerves {far_m:g} m to the {side} within {duration_s:g} s{when}, stays there "
-        f"{hold_s:g} s and returns"
+        f"{named_vehicles(vehicles)} {_verb('swerve', vehicles)} {far_m:g} m to the {side} within {duration_s:g} s"
+        f"{when}, {_verb('stay', vehicles)} there "
+        f"{hold_s:g} s and {_verb('return', vehicles)}"
     )
     return EditStep(changes, vehicles, what, measure=lambda edited: _asides(edited, made))
 
@@ -532,12 +533,12 @@ def _check_next_lane(scene: Scene, base: Track, path: _Path, first: int, who: st
     low, high = _NEXT_LANE_M
     if low <= abs(aside) <= high and turned < math.radians(45.0):
         return
-    where = "heads elsewhere" if turned >= math.radians(45.0) else f"is {abs(aside):.1f} m from the path of {who}"
+    where = "heads elsewhere" if turned >= math.radians(45.0) else f"is {_from_path(aside, who)}"
     fitting = [
         key for key in scene.tracks if key != base.obstacle_id and _is_in_next_lane(scene.tracks[key], path, first)
     ]
     raise NotPossible(
-        f"vehicle {base.obstacle_id} cannot cut in on {who}: it is not in the next lane, but {where}",
+        f"vehicle {base.obstacle_id} cannot cut in on {who}, because it is not in the next lane: it {where}",
         valid=[f"vehicles=['{key}']" for key in fitting]
         or ["add_vehicle with lane=left or right, then vehicles=new:0"],
         next_step="choose a vehicle in the next lane, or add one there",
@@ -689,8 +690,19 @@ def _sent_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         changes, before, _ = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge), motion=motion)
         made[vehicle_id] = step, aside_m, before
     when = _since(edit, made, scene.step_s)
-    what = f"{named_vehicles(vehicles)} moves to the oncoming lane within {duration_s:g} s{when} and stays there"
+    moves, stays = _verb("move", vehicles), _verb("stay", vehicles)
+    what = f"{named_vehicles(vehicles)} {moves} to the oncoming lane within {duration_s:g} s{when} and {stays} there"
     return EditStep(changes, vehicles, what, measure=lambda edited: _asides(edited, made))
+
+
+def _from_path(aside_m: float, who: str) -> str:
+    """Return where a vehicle is next to a path, or that it is on the path."""
+    return f"{abs(aside_m):.1f} m from the path of {who}" if abs(aside_m) >= 0.5 else f"on the path of {who}"
+
+
+def _verb(word: str, vehicles: Sequence[int]) -> str:
+    """Return a regular verb in the form that the number of vehicles needs."""
+    return word if len(vehicles) > 1 else f"{word}s"
 
 
 def _aside_to_oncoming(scene: Scene, track: Track, step: int) -> float:

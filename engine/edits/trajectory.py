@@ -85,7 +85,7 @@ def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         aims[vehicle_id] = (frozenset({*adjacent, *_adjacent_lanes(scene, plan.lanelets, edit.lane)}),)
     when = "" if edit.time_s is None else f" from {edit.time_s:g} s"
     return EditStep(
-        changes, vehicles, f"{named_vehicles(vehicles)} sent one lane to the {edit.lane}{when}", aims=aims, since=since
+        changes, vehicles, f"{named_vehicles(vehicles)} moved one lane to the {edit.lane}{when}", aims=aims, since=since
     )
 
 
@@ -238,7 +238,7 @@ def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[
 
     when = "" if edit.time_s is None else f" from {edit.time_s:g} s"
     what = (
-        f"{named_vehicles(vehicles)} driven with the previous speed changed by {text}{when}"
+        f"{named_vehicles(vehicles)} driven at the previous speed {text}{when}"
         if text[:1] in ("+", "-")
         else f"{named_vehicles(vehicles)} driven at {text} of the previous speed{when}"
     )
@@ -285,7 +285,8 @@ def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             raise _nothing_left(recording, total, scene)
         changes = changes.with_replay(Replay(track, scene.matcher.match(track), recording, total))
     how = f"{abs(steps) * scene.step_s:g} s {'later' if steps > 0 else 'earlier'}"
-    return EditStep(changes, vehicles, f"{named_vehicles(vehicles)} moved to {how} than recorded")
+    drive = "drives" if len(vehicles) == 1 else "drive"
+    return EditStep(changes, vehicles, f"{named_vehicles(vehicles)} {drive} {how} than recorded")
 
 
 def _check(scene: Scene, changes: Changes, vehicle_id: int) -> None:
@@ -298,7 +299,7 @@ def _check(scene: Scene, changes: Changes, vehicle_id: int) -> None:
         )
     if vehicle_id not in scene.tracks:
         raise NotPossible(
-            f"obstacle {vehicle_id} has no trajectory that moves in time",
+            f"obstacle {vehicle_id} has no trajectory that could be shifted in time",
             valid=nearest_ids(vehicle_id, list(scene.tracks)),
             next_step="give a moving vehicle",
         )
@@ -313,7 +314,7 @@ def _nothing_left(track: Track, steps: int, scene: Scene) -> InvalidRequest:
     high = (scene.last_step - FEWEST_STATES + 1 - track.first_step) * scene.step_s
     return InvalidRequest(
         f"{steps * scene.step_s:g} s would leave nothing of vehicle {track.obstacle_id}'s recording",
-        valid=[f"time_s in {low:g} … {high:g}"],
+        valid=[f"time_s from {low:g} to {high:g}"],
         next_step="shift it by less",
         remedies=[with_values(time_s=round(share * (low if steps < 0 else high), 3)) for share in _SHARES_SHIFTED],
     )
@@ -395,7 +396,7 @@ def _plan_from(
         requested_s = step * scene.step_s if time_s is None else time_s
         raise InvalidRequest(
             f"vehicle {vehicle_id} is not there at {requested_s:g} s",
-            valid=[f"time_s in {first * scene.step_s:g} … {last * scene.step_s:g}"],
+            valid=[f"time_s from {first * scene.step_s:g} to {last * scene.step_s:g}"],
             next_step="choose a time_s at which it is there",
             remedies=within_time(step, first, last, scene),
         )

@@ -45,7 +45,7 @@ _COLOURS = {
     "off": "inactive",
     "inactive": "inactive",
 }
-_VALID_FRICTIONS = [f"friction={LEAST_FRICTION:g} … {MOST_FRICTION:g}", f"friction={'|'.join(ROAD_FRICTIONS)}"]
+_VALID_FRICTIONS = [f"friction={LEAST_FRICTION:g} to {MOST_FRICTION:g}", f"friction={'|'.join(ROAD_FRICTIONS)}"]
 _MOVES_PLACES_OR_TIMES: tuple[EditOperation, ...] = ("crop", "mirror")
 _MOVING = ("dynamicObstacle", "obstacle")
 _REFERENCES = ("predecessor", "successor", "adjacentLeft", "adjacentRight")
@@ -182,8 +182,9 @@ def _crop_time(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
     for light in root.iterchildren("trafficLight"):
         _shift_light(light, begin)
     moved = _shift_problems(root, scene, drive, begin)
-    seconds = f"{begin * scene.step_s:g} to {end * scene.step_s:g} s"
-    return f"cut to {seconds}, now counted from 0; {counted(gone, 'road user')} outside that time removed{moved}"
+    seconds = f"from {begin * scene.step_s:g} to {end * scene.step_s:g} s"
+    outside = f"{counted(gone, 'road user')} outside that time removed" if gone else "no road user is outside that time"
+    return f"cut to the time {seconds}, now counted from 0; {outside}{moved}"
 
 
 def _keeps_states(obstacle: _Element, begin: int, end: int) -> bool:

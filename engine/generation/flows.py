@@ -102,7 +102,7 @@ def plan_flows(flows: Sequence[RoadFlow], net: SumoNet, choice: random.Random) -
         raise NotPossible(
             f"no counted road carries traffic at this site: {', '.join(str(flow) for flow in flows[:5])}",
             valid=place.names()[:12],
-            next_step="use roads of this site (street names or OSM way ids), or take another place",
+            next_step="use roads of this site (street names or OSM way ids), or choose another place",
         )
     return FlowPlan(tuple(routes), roads)
 

@@ -465,7 +465,7 @@ def plain_name(place: str) -> str:
 def _no_pavements_in_lanelets() -> NotPossible:
     return NotPossible(
         "the lanelet network of this map is used unchanged, without added pavements",
-        next_step="leave pedestrian out of vehicles, or take an OpenStreetMap extract or a SUMO network as the map",
+        next_step="leave pedestrian out of vehicles, or use an OpenStreetMap extract or a SUMO network as the map",
     )
 
 
@@ -601,7 +601,7 @@ def _without_hairpins(
     if not network.dropped_lanes:
         return (), [], network
     removed, warnings = remove_hairpins(net_path, folder)
-    note = f"removed from the net: {counted(removed, 'turn')} too tight for a lanelet"
+    note = f"{counted(removed, 'turn')} too tight for a lanelet removed from the network"
     return warnings, [note], _lanelets(read_net(net_path))
 
 

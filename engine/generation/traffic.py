@@ -270,7 +270,7 @@ def _fewer(demand: Demand, share: float, duration_s: float) -> Demand:
 
 def _too_large(duration_s: float) -> NotPossible:
     return NotPossible(
-        f"so many vehicles for {duration_s:g} s make a file that is too large (more than {MOST_STATES:,} states)",
+        f"this many vehicles in {duration_s:g} s would make the file too large (more than {MOST_STATES:,} states)",
         next_step="choose a shorter duration_s, a lower density or fewer vehicles",
     )
 

@@ -303,7 +303,7 @@ def _in_country(matches: list[MapMatch], country: str, code: str) -> list[MapMat
         raise UnknownName(
             f"no map covers the country {country!r}",
             valid=known,
-            next_step="leave country out, or import a map",
+            next_step="import a map of this country",
             reason=NOT_SHOWN,
             remedies=[
                 *(with_values(country=one) for one in countries_spelt_like(country) if one in known),
@@ -545,14 +545,14 @@ def _not_shown_error(
         return UnknownName(
             f"no map contains {place!r}{why}",
             valid=map(cited, near),
-            next_step="choose one of these places, which have maps, or import an .osm extract with import_files",
+            next_step="import an .osm extract of the place with import_files",
             reason=NOT_SHOWN,
             remedies=[with_values(place=one) for one in near],
         )
     return UnknownName(
         f"no map contains {place!r} or a similar name",
         valid=map(cited, shown),
-        next_step="choose one of these places, which have maps, or import an .osm extract with import_files",
+        next_step="import an .osm extract of the place with import_files",
         reason=NOT_SHOWN,
     )
 

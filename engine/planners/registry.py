@@ -242,7 +242,7 @@ def check_modes(traffic: TrafficMode, prediction: Prediction, world: World = PER
         raise InvalidRequest(
             "prediction ground_truth is the recording, which reactive traffic does not follow",
             valid=others,
-            next_step="use one of these predictions, or traffic recorded",
+            next_step="use one of these predictions, or traffic=recorded",
         )
 
 

@@ -55,7 +55,8 @@ def boundary_chart(record: BoundaryRecord) -> Drawing:
     subtitle = f"{record.scenario.summary}: {across.title} × {up.title}"
     write_title(figure, f"Boundary: {record.scenario.name}", shortened(subtitle, width_px // 8))
     write_legend(figure, 0.012, 4 if columns > 1 else 2, handles=_legend(shown, record))
-    return Drawing(figure, f"Boundary of {record.scenario.name}: {subtitle}. {' '.join(words)}")
+    text = f"Boundary of {record.scenario.name} ({record.scenario.summary}) over {across.title} × {up.title}."
+    return Drawing(figure, f"{text} {' '.join(words)}")
 
 
 def _raster(one: BoundaryMap) -> NDArray[Any]:

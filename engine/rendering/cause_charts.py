@@ -203,7 +203,7 @@ def strata(runs: RunSet) -> Drawing:
             offset = (number - (len(shown) - 1) / 2) * 0.8 / len(shown)
             _draw_rate(axes, row + offset, rate, filled=True, colour=series_style(number)[0])
             if rate.share is not None:
-                texts.append(f"{stratum.level} | {names[config]}: {rate.count} of {rate.of}")
+                texts.append(f"{stratum.level}, {names[config]} {rate.count} of {rate.of}")
         if row and rows[row - 1].factor != stratum.factor:
             axes.axhline(row - 0.5, color="#9A9A9A", linewidth=0.9)
     axes.set_yticks(range(len(rows)), [_stratum_label(stratum) for stratum in rows])

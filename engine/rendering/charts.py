@@ -218,7 +218,9 @@ def _flips(runs: RunSet) -> Drawing:
     )
     more = comparison.to_success_count + comparison.to_failure_count - len(flips)
     write_title(figure, "Flipped scenarios", subtitle + (f"; {more} not shown" if more else ""))
-    texts = [f"{flip.scenario_id} from {flip.before} to {flip.after}" for flip in flips]
+    texts = [
+        f"{flip.scenario_id} from {flip.before.replace('_', ' ')} to {flip.after.replace('_', ' ')}" for flip in flips
+    ]
     notes = ("only the first two configurations are compared",) if len(sides) > 2 else ()
     return Drawing(figure, f"Flipped scenarios of {subtitle}. {'; '.join(texts)}".rstrip(), notes)
 

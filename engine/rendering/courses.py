@@ -1,5 +1,6 @@
 """Charts of runs over time: speeds of several runs, cost terms of one run, timeline of one run with its moments."""
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -55,7 +56,8 @@ def profile(runs: RunSet) -> Drawing:
             )
             marker = "o" if record.outcome == "goal_reached" else "X"
             axes.plot(times[-1], values[-1], marker=marker, color=colour, markersize=11, zorder=5, clip_on=False)
-        speeds = f"{min(steps.speed_mps):.1f} to {max(steps.speed_mps):.1f} m/s over {times[-1]:.1f} s"
+        low, high = f"{min(steps.speed_mps):.1f}", f"{max(steps.speed_mps):.1f}"
+        speeds = f"{low if low == high else f'{low} to {high}'} m/s over {times[-1]:.1f} s"
         texts.append(f"{name} ({record.outcome.replace('_', ' ')}): {speeds}")
     for axes in (speed, acceleration):
         axes.grid(color="#E2E2E2", linewidth=0.8)
@@ -308,7 +310,7 @@ def _marks(record: RunRecord, review: RunReview) -> list[_Mark]:
 
 
 def _contact_marks(contact: Contact) -> Iterable[_Mark]:
-    yield _Mark(contact.time_s, contact.in_words().partition(";")[0], decisive=True)
+    yield _Mark(contact.time_s, re.sub(r" at [\d.]+ s$", "", contact.in_words().partition(" (")[0]), decisive=True)
     if contact.came_in_s is not None:
         yield _Mark(contact.came_in_s, f"{contact.obstacle_class} {contact.obstacle_id} and the ego enter one path")
     if contact.braked_since_s is not None:

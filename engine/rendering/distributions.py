@@ -58,7 +58,8 @@ def distributions(runs: RunSet) -> Drawing:
     write_title(figure, "Metrics of the runs", f"{explanation}{joined}")
     more = len(runs.by_config(runs.valid)) - len(groups)
     notes = (f"configurations not shown: {more}",) if more else ()
-    return Drawing(figure, f"Distributions: {'; '.join(texts)}.", notes)
+    shown = " | ".join(names[config] for config in groups)
+    return Drawing(figure, f"Distributions, medians of {shown}: {'; '.join(texts)}.", notes)
 
 
 def _values(spec: MetricSpec, records: Sequence[RunRecord]) -> Values:
@@ -101,11 +102,8 @@ def _draw_metric(axes: "Axes", spec: MetricSpec, groups: dict[str, list[RunRecor
     far = f" · {beyond} outliers at the edge" if beyond else ""
     words = metric_words(spec.name).partition(" (")[0]
     axes.set_title(f"{words}{unit}{better}{basis}{far}", fontsize=SMALL_PT + 1, loc="left", pad=5)
-    medians = [
-        f"{names[config]}: {in_figures(float(np.median(values))) if len(values) else 'none'}"
-        for config, values in zip(groups, samples, strict=True)
-    ]
-    return f"{metric_words(spec.name)}: median{'s' * (len(medians) > 1)} {' | '.join(medians)}"
+    medians = [in_figures(float(np.median(values))) if len(values) else "none" for values in samples]
+    return f"{metric_words(spec.name)} {' | '.join(medians)}"
 
 
 def _shown_range(values: Values) -> tuple[float, float]:

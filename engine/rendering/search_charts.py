@@ -29,7 +29,7 @@ def study_chart(study: StudyRecord) -> Drawing:
         f"{counted(len(study.trials), 'candidate')}"
     )
     write_title(figure, "Search", subtitle)
-    return Drawing(figure, f"Search: {subtitle}; {best}. {words}")
+    return Drawing(figure, f"Search with {subtitle}; {best}. {words}")
 
 
 def _score(trial: TrialLine) -> float:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...schemas.text import counted
 from ..geometry import Points, oriented_rectangle
 from .canvas import EGO_COLOUR, INK, SMALL_PT, class_colour, series_style
 from .content import DrivenPath, ScenarioView, VehicleShape, Viewport
@@ -110,7 +111,7 @@ class VehicleCounts:
     def in_words(self) -> str:
         """Describe the numbers of vehicles in view, without a label, and outside the picture."""
         seen = len(self.labelled) + len(self.unlabelled)
-        parts = [f"{seen} vehicle{'' if seen == 1 else 's'} in view"]
+        parts = [f"{counted(seen, 'vehicle') if seen else 'no vehicle'} in view"]
         if self.unlabelled:
             parts.append(f"{len(self.unlabelled)} of them without a label")
         if self.outside:

@@ -266,7 +266,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
     lanelets = lanelets_of_pose(network, point, scene.ego.heading_rad)
     route = ego_route(network, scene.lanelet_graph, problem)
     goals = goal_center_lanelets(network, problem)
-    route_text = "the goal has no place" if not goals else "no route leads to the goal"
+    route_text = "the goal has no position" if not goals else "no route leads to the goal"
     if route is not None:
         route_text = route.words
     return DescribedEgo(
@@ -411,7 +411,7 @@ def _goal(scene: Scene) -> str:
         return "problem: no planning problem"
     problem = scene.loaded.problem(scene.ego.problem_id)
     if not goal_center_lanelets(scene.network, problem):
-        return "ok: the goal has no place on a lanelet"
+        return "ok: the goal has no position on a lanelet"
     if ego_route(scene.network, scene.lanelet_graph, problem) is None:
         return "problem: no route leads from the ego's start to its goal"
     return "ok: lanelets lead from the ego's start to its goal"

@@ -233,7 +233,7 @@ class EgoLane:
         distance = float(np.linalg.norm(step))
         bearing = wrap_angle(math.atan2(step[1], step[0]) - self.heading_rad)
         turned = wrap_angle(heading - self.heading_rad)
-        motion = "standing, facing the other way" if stands else "coming the opposite way"
+        motion = "standing, facing the other way" if stands else "opposite direction, another road"
         if abs(turned) < _SAME_RAD:
             motion = "same direction, another road"
         elif abs(turned) < _OPPOSITE_RAD:

@@ -89,7 +89,7 @@ def _parse(text: str, names: Iterable[str], limits: Mapping[str, tuple[float, fl
 
 def _range_text(name: str, limits: Mapping[str, tuple[float, float]]) -> str:
     if name not in limits:
-        return f"a weight from 0 to {LARGEST_WEIGHT:g}"
+        return f"a weight from 0 to {LARGEST_WEIGHT:,.0f}"
     lowest, highest = limits[name]
     return f"{name} from {lowest:g} to {highest:g}"
 
@@ -122,7 +122,7 @@ def _copied(name: str, values: Mapping[str, float], text: str, kind: str, before
     if folded not in values:
         near = closest(name, values, 3)
         raise UnknownName(
-            f"'{text}': '{name}' is neither a number nor the name of a {kind}",
+            f"'{name}' in '{text}' is neither a number nor the name of a {kind}",
             valid=["a number", *near],
             next_step="set a number, or copy another value by its name",
         ).also(instead(text, f"{text.partition('=')[0].strip()}={before:g}"))
@@ -134,7 +134,7 @@ def _known(name: str, values: Mapping[str, float], kind: str, elsewhere: Mapping
     if folded in values:
         return folded
     if folded in elsewhere:
-        raise UnknownName(f"'{folded}' is not a {kind} here: {elsewhere[folded]}", valid=list(values)[:5])
+        raise UnknownName(f"'{folded}' is not a {kind} of this planner, {elsewhere[folded]}", valid=list(values)[:5])
     raise UnknownName(
         f"there is no {kind} '{name}'",
         valid=closest(name, values) or list(values)[:5],

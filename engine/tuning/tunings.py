@@ -90,7 +90,7 @@ class PlannerTuning:
         raise UnknownName(
             f"there is no preset '{word}'",
             valid=[*likely, *(name for name in self.presets if name not in likely)],
-            next_step="choose one of these, or set individual weights with name=value",
+            next_step="choose one of these, or set weights with name=value",
         )
 
 
@@ -184,7 +184,7 @@ _COST_WEIGHTS = (
     ),
     Weight(
         "prediction",
-        "1000 × probability of collision with others as predicted",
+        "1,000 × probability of a collision with the predicted others",
         "keeps clear of predicted motion",
         "core",
     ),
@@ -233,20 +233,20 @@ _FRENETIX_PRESETS = (
         _COST_WEIGHTS,
         "Safety-Conservative",
         "Safety",
-        "Default with distance to others, prediction and responsibility",
+        "like Default, but distance to others, prediction and responsibility count more",
         (0.0, 0.0, 0.2, 0.2, 0.0, 0.0, 0.0, 1.0, 0.0, 5.0, 1.0, 0.5, 0.3),
     ),
 )
 """The paper names the presets; the values are those of its released code."""
 
 _CHANNELS = (
-    Weight("distance_to_reference_path", "mean offset from the path, by 3 m", "keeps to the path", "ours"),
-    Weight("distance_to_reference_path_final", "offset from it at the end, by 3 m", "comes back to the path", "ours"),
-    Weight("velocity_offset_final", "(final − desired speed)², by (5 m/s)²", "keeps the desired speed", "ours"),
-    Weight("orientation_offset", "mean (heading − path)², by (0.5 rad)²", "straighter along the path", "ours"),
-    Weight("orientation_offset_final", "(heading − path)² at the end, by (0.5 rad)²", "ends along the path", "ours"),
+    Weight("distance_to_reference_path", "mean offset from the path / 3 m", "keeps to the path", "ours"),
+    Weight("distance_to_reference_path_final", "final offset from the path / 3 m", "comes back to the path", "ours"),
+    Weight("velocity_offset_final", "(final − desired speed)² / (5 m/s)²", "keeps the desired speed", "ours"),
+    Weight("orientation_offset", "mean (heading − path)² / (0.5 rad)²", "straighter along the path", "ours"),
+    Weight("orientation_offset_final", "final (heading − path)² / (0.5 rad)²", "ends along the path", "ours"),
     Weight(
-        "prediction", "Σ 1 / Mahalanobis distance² to others as predicted", "keeps clear of predicted motion", "ours"
+        "prediction", "Σ 1 / Mahalanobis distance² to the predicted others", "keeps clear of predicted motion", "ours"
     ),
     Weight("distance_to_boundary", "mean 1 / clearance² to the road's edge", "keeps off the road's edge", "ours"),
 )
@@ -268,7 +268,7 @@ _CHANNEL_PRESETS = (
         _CHANNELS,
         "Safety-Conservative",
         "Safety",
-        "keep away from predicted others and the road's edge",
+        "keep away from the predicted others and the road's edge",
         (0.6, 0.3, 0.5, 0.1, 0.1, 0.9, 0.4),
     ),
 )
@@ -277,9 +277,16 @@ _CHANNEL_PRESETS = (
 _IDM_PARAMETERS = (
     Weight("time_headway_s", "desired time gap T to the leader, s", "follows farther away", "ours", 0.1, 10.0),
     Weight("minimum_gap_m", "gap s0 at standstill, m", "stops earlier behind others", "ours", 0.1, 30.0),
-    Weight("acceleration_mps2", "maximum acceleration a, m/s²", "brisker, closer to its speed", "ours", 0.1, 10.0),
+    Weight("acceleration_mps2", "maximum acceleration a, m/s²", "brisker, reaches its speed sooner", "ours", 0.1, 10.0),
     Weight("deceleration_mps2", "comfortable deceleration b, m/s²", "brakes later and harder", "ours", 0.1, 10.0),
-    Weight("lateral_acceleration_mps2", "largest in curves, m/s²", "faster through curves", "ours", 0.5, 10.0),
+    Weight(
+        "lateral_acceleration_mps2",
+        "maximum lateral acceleration in curves, m/s²",
+        "faster through curves",
+        "ours",
+        0.5,
+        10.0,
+    ),
 )
 _IDM_PRESETS = (
     _preset(_IDM_PARAMETERS, "Default", "Default", "the values of the model's source", (1.6, 2.0, 0.73, 1.67, 3.0)),
@@ -300,17 +307,17 @@ _FISS_WEIGHTS = (
     Weight("jerk", "mean jerk², along and across", "smoother", "core"),
     Weight("lateral", "(final offset from the lane's centre)²", "ends at the lane's centre", "core"),
     Weight("lane_change", "lanes changed", "stays in its lane", "core"),
-    Weight("route", "1 in a lane that the route does not use", "stays on its route", "ours", term="lane_change"),
+    Weight("route", "1 if the lane is not on the route", "stays on its route", "ours", term="lane_change"),
     _parameter(
         "history",
-        "squared distance to the previous end state, in fiss's first guess",
+        "squared distance to the previous end state, for the first guess",
         "searches near the previous result",
         "core",
     ),
     Weight("headway", "mean (1 − gap / desired gap)² ahead", "keeps its distance ahead", "core", term="proximity"),
     Weight(
         "time_to_collision",
-        "mean (1 − time to collision / desired one)² ahead",
+        "mean (1 − time to collision / desired time)² ahead",
         "slows down earlier for others",
         "core",
         term="proximity",
@@ -368,7 +375,7 @@ _FISS_PRESETS = (
         _FISS_WEIGHTS,
         "Plain",
         "Plain",
-        "without keeping distance, as in its papers; only collisions count",
+        "without keeping a distance, as in its papers: only collisions count",
         (1.0, 1.0, 0.1, 0.1, 2.0, 5.0, 10.0, 1.0, *_NOT_KEPT),
     ),
 )
@@ -377,7 +384,7 @@ _FOLLOWING = (
     Weight(
         "follows",
         "1: drives to the goal and keeps its distance like idm; 0: keeps its initial speed",
-        "drives normally while its model does not react",
+        "drives to the goal while its model does not react",
         "ours",
         0.0,
         1.0,
@@ -389,7 +396,7 @@ _CAREFUL = (
     *_FOLLOWING,
     Weight("wandering_m", "lateral motion that is noticed, m", "notices a cut-in later", "ours", 0.05, 2.0),
     Weight("perception_s", "risk perception, s", "reacts later", "ours", 0.0, 3.0),
-    Weight("delay_s", "from the decision to braking, s", "brakes later", "ours", 0.0, 3.0),
+    Weight("delay_s", "time from the decision to braking, s", "brakes later", "ours", 0.0, 3.0),
     Weight("critical_ttc_s", "critical time to collision, s", "brakes earlier", "ours", 0.5, 10.0),
     Weight("critical_thw_s", "critical time headway, s", "brakes earlier", "ours", 0.5, 10.0),
     Weight("hard_mps2", "leader's deceleration that is noticed, m/s²", "notices braking later", "ours", 0.5, 10.0),
@@ -408,14 +415,7 @@ _RSS = (
     Weight("response_s", "response time ρ, s", "reacts later", "ours", 0.0, 3.0),
     Weight("own_mps2", "its own assumed deceleration, m/s²", "smaller safe distance", "ours", 0.5, 9.0),
     Weight("front_mps2", "leader's hardest deceleration, m/s²", "larger safe distance", "ours", 0.5, 10.0),
-    Weight(
-        "across_mps2",
-        "lateral acceleration of others, m/s²",
-        "another lateral gap (smaller or larger)",
-        "ours",
-        0.1,
-        5.0,
-    ),
+    Weight("across_mps2", "lateral acceleration of others, m/s²", "changes the lateral gap", "ours", 0.1, 5.0),
     Weight("fluctuation_m", "lateral fluctuation µ, m", "larger lateral gap", "ours", 0.0, 2.0),
 )
 
@@ -423,7 +423,9 @@ _RSS = (
 def _reference(weights: tuple[Weight, ...], values: tuple[float, ...], summary: str) -> "PlannerTuning":
     """Return the tuning of a reference driver: its source's parameters, with and without following others."""
     presets = (
-        _preset(weights, "Default", "Default", "its source's parameters; follows others like idm", (1.0, 2.0, *values)),
+        _preset(
+            weights, "Default", "Default", "parameters of its source; follows others like idm", (1.0, 2.0, *values)
+        ),
         _preset(
             weights,
             "Verdict",
@@ -437,7 +439,7 @@ def _reference(weights: tuple[Weight, ...], values: tuple[float, ...], summary: 
 
 _PATH_FOLLOWERS_IGNORE = ("sampling_level", "search")
 """Settings without effect in planners that follow the reference path."""
-_NO_PARAMETERS = {"Default": Preset("Default", "Default", "it has no parameters", {})}
+_NO_PARAMETERS = {"Default": Preset("Default", "Default", "no parameters", {})}
 
 TUNINGS = {
     "frenetix": PlannerTuning(
@@ -462,7 +464,7 @@ TUNINGS = {
         idle_settings=_PATH_FOLLOWERS_IGNORE,
     ),
     "fiss": PlannerTuning(
-        summary="fast iterative search over sampled end states (or all of them: setting search=0, fop, or 1, fop_plus)",
+        summary="fast iterative search over sampled end states; search=0 (FOP) and 1 (FOP+) examine all of them",
         weights=_by_name(_FISS_WEIGHTS),
         external={},
         presets=_by_name(_FISS_PRESETS),

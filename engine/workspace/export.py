@@ -87,7 +87,7 @@ def refuse_existing(paths: Sequence[Path]) -> None:
     taken = [str(path) for path in paths if path.exists()]
     if taken:
         raise NotPossible(
-            f"{counted(len(taken), 'file')} already there: {', '.join(taken[:3])}",
+            f"{counted(len(taken), 'file')} already {'exists' if len(taken) == 1 else 'exist'}: {', '.join(taken[:3])}",
             next_step="set overwrite, or choose another folder",
         )
 

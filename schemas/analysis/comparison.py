@@ -354,7 +354,7 @@ def _weights(changes: tuple[WeightChange, ...]) -> list[str]:
 
 
 def _or_default(value: float | None) -> str:
-    return "default" if value is None else figure(value)
+    return "not set" if value is None else figure(value)
 
 
 def _success(test: SuccessTest) -> list[str]:
@@ -362,14 +362,13 @@ def _success(test: SuccessTest) -> list[str]:
     if not test.pairs:
         return []
     counts = {
-        "with both": test.both,
+        "on both sides": test.both,
         "only before": test.only_before,
         "only after": test.only_after,
-        "with neither": test.neither,
+        "on neither side": test.neither,
     }
-    first, *others = (f"{count} {{}}{name}" for name, count in counts.items() if count)
-    shares = ", ".join([first.format("reach the goal "), *(other.format("") for other in others)])
-    line = f"- {counted(test.pairs, 'pair')}: {shares}"
+    shares = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
+    line = f"- {counted(test.pairs, 'pair')}, goal reached: {shares}"
     if (
         test.only_before + test.only_after
         and test.difference is not None
@@ -416,12 +415,16 @@ def _flips(title: str, flips: tuple[Flip, ...], count: int, most: int) -> list[s
     if not count:
         return []
     shown = "; ".join(
-        f"{flip.scenario_id} {flip.before} → {flip.after} ({flip.before_run}, {flip.after_run}"
+        f"{flip.scenario_id} {_words(flip.before)} → {_words(flip.after)} ({flip.before_run}, {flip.after_run}"
         f"{f': {flip.why}' if flip.why else ''})"
         for flip in flips[:most]
     )
     more = f"; {count - len(flips[:most])} more: limit={count}" if count > len(flips[:most]) else ""
     return [f"- flipped {title} ({count}): {shown}{more}"]
+
+
+def _words(outcome: str) -> str:
+    return outcome.replace("_", " ")
 
 
 def _directions(metrics: tuple[MetricTest, ...]) -> list[str]:

@@ -303,7 +303,7 @@ def _searched(study: StudyRecord) -> str:
     driven = f"; {study.driven} of at most {study.max_trials} configurations run" if study.driven else ""
     return (
         f"{_METHOD_NAMES.get(study.method, study.method)} search for {' + '.join(study.objective)}:"
-        f" {counted(len(study.trials), 'candidate')} ({pruned} stopped early) on"
+        f" {counted(len(study.trials), 'candidate')}{f' ({pruned} stopped early)' if pruned else ''} on"
         f" {counted(study.training_scenarios, 'scenario')} from {counted(len(study.training), 'place')}; held"
         f" out: {counted(len(study.held_out_places), 'other place')}{driven}."
     )
@@ -347,7 +347,7 @@ def _effects(study: StudyRecord) -> list[str]:
     def line(one: Effect) -> str:
         p = "" if one.p_adjusted is None else f", {p_in_words(one.p_adjusted)}"
         runs = f"; {' '.join(one.run_ids)}" if one.run_ids and one.verdict == "matters" else ""
-        return f"{one.name} {figure(one.effect)} ± {figure(one.margin)} (95 %{p}{runs})"
+        return f"{one.name} {figure(one.effect)} ± {figure(one.margin)} (95%{p}{runs})"
 
     shown = [line(one) for one in study.effects if one.verdict == "matters"]
     unclear = [line(one) for one in study.effects if one.verdict == "unclear"]

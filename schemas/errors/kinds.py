@@ -109,10 +109,36 @@ class PlannerForgeError(Exception):
             shown = ", ".join(self.valid if rest == 1 else self.valid[: self.shown_values])
             more = 0 if rest == 1 else rest
             parts.append(f"Valid: {shown}{f' and {more} more' if more > 0 else ''}.")
-        step = self.next_step.rstrip(".")
-        if following is not None:
-            step = following.text if step == self.usual_step else f"{following.text}; or {step}"
-        return " ".join([*parts, f"Next: {step}."])
+        return " ".join([*parts, f"Next: {self._steps(following)}."])
+
+    def _steps(self, following: NextCall | None) -> str:
+        """Return the next step of the error, the proposed call, or both, the one that fits the cause better first.
+
+        A call that lists valid values fits a name that does not exist, but neither a wrong unit or path nor names that
+        are listed here. A call without the wrong argument gives up what was requested, so it comes last. A corrected
+        call says what an own step without another call would say.
+        """
+        own = self.next_step.rstrip(".")
+        if following is None:
+            return own
+        is_usual = own == self.usual_step
+        if following.only_drops:
+            return following.text if is_usual and not isinstance(self, UnknownName) else f"{own}; or {following.text}"
+        if following.changed is not None:
+            adds = not is_usual and (isinstance(self, NotPossible) or "call " in own)
+            return f"{following.text}; or {own}" if adds else following.text
+        if f"call {following.tool}" in own or not (is_usual or self._needs_list(following)):
+            return own
+        is_listed = is_usual and self.valid and not self._needs_list(following)
+        return own if is_listed else following.text if is_usual else f"{following.text}; or {own}"
+
+    def _needs_list(self, following: NextCall) -> bool:
+        """Return whether a call helps that lists valid values: the error names it, or does not list all names."""
+        if any(remedy.tool == following.tool for remedy in self.remedies):
+            return True
+        if isinstance(self, UnknownName):
+            return not 0 < len(self.valid) < self.shown_values
+        return isinstance(self, NotPossible) and "scenario_id" in following.arguments
 
 
 class InvalidRequest(PlannerForgeError):
@@ -179,10 +205,10 @@ class Faults:
             raise first
         shown = [self._fault_text(error) for error in self._found[: self._MOST_LISTED]]
         more = len(self._found) - len(shown)
-        steps = dict.fromkeys(error.next_step for error in self._found[: self._MOST_LISTED])
+        steps = list(dict.fromkeys(error.next_step for error in self._found))
         together = type(first)(
             f"{len(self._found)} errors: {'; '.join(shown)}{f'; and {more} more' if more else ''}",
-            next_step="; ".join(steps),
+            next_step=steps[0] if len(steps) == 1 else "correct each of these",
             reason=first.reason,
             remedies=_common_remedies(self._found),
             complete=all(fault.complete for fault in self._found),

@@ -153,8 +153,15 @@ class NextCall:
         return cls(tool, arguments, dict(differences(given, arguments)), tuple(_dropped(given, arguments)))
 
     @property
+    def only_drops(self) -> bool:
+        """Whether this is the refused call without some of its parts."""
+        return 0 < len(self.changed or {}) <= len(self.dropped)
+
+    @property
     def text(self) -> str:
         """The call in words: ``call again with {…}``, or ``call describe_scenario with {…}``."""
+        if self.only_drops and not self.arguments:
+            return f"call {self.tool} without {', '.join(self.dropped)}"
         name = "again" if self.changed is not None else self.tool
         arguments = cited_parts(dict(self.arguments))
         if self.changed is not None:  # what the caller wrote stays as it was written
@@ -164,11 +171,14 @@ class NextCall:
             without = f" (without {', '.join(self.dropped)})" if self.dropped else ""
             has_arguments = self.arguments or self.changed is not None
             return f"call {name} with {whole}{without}" if has_arguments else f"call {name}"
-        parts = [
-            f"without {path}" if value is None else f"{path}={json.dumps(cited_parts(value), ensure_ascii=False)}"
+        removed = [path for path, value in self.changed.items() if value is None]
+        new = [
+            f"{path}={json.dumps(cited_parts(value), ensure_ascii=False)}"
             for path, value in self.changed.items()
+            if value is not None
         ]
-        return f"call again with the same arguments but {', '.join(parts)}"
+        parts = [*([f"without {', '.join(removed)}"] if removed else []), *([f"with {', '.join(new)}"] if new else [])]
+        return f"call again with the same arguments, but {' and '.join(parts)}"
 
 
 def _texts(value: Any) -> Iterator[str]:
@@ -256,11 +266,13 @@ def _dropped(before: Any, after: Any, path: str = "") -> Iterator[str]:
             for index, (old, new) in enumerate(zip(before, after, strict=True)):
                 yield from _dropped(old, new, f"{path}[{index}]")
         elif len(before) > len(after):
-            yield from (f"{path} {quoted(one)}" for one in before if one not in after and not isinstance(one, Mapping))
+            yield from (
+                f"{quoted(one)} in {path}" for one in before if one not in after and not isinstance(one, Mapping)
+            )
     elif isinstance(before, str) and isinstance(after, str) and after and before.startswith(after):
         rest = before.removeprefix(after)
         if rest and not rest[0].isalnum():  # a condition without its value, not a corrected word
-            yield f"{path} {quoted(rest)}"
+            yield f"{quoted(rest)} in {path}"
 
 
 def _with_word(value: Any, word: str, other: str) -> Any:

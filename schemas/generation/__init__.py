@@ -420,8 +420,8 @@ class VehicleAbsence(Model):
     reason: str = Field(description="reason in words")
 
     def in_words(self) -> str:
-        """Return the number and class, what happened to the road users, and the reason."""
-        return f"{counted(self.count, self.vehicle_class)} {self.fate.replace('_', ' ')} ({self.code}): {self.reason}"
+        """Return the number and class of the road users, and the reason."""
+        return f"{counted(self.count, self.vehicle_class)} ({self.code}: {self.reason})"
 
 
 class GeneratedScenario(Model):
@@ -547,26 +547,29 @@ class ScenarioSummary(Model):
     @property
     def missing(self) -> list[str]:
         """Why requested road users are missing, one line each."""
-        return [f"Missing: {absence.in_words()}." for absence in self.absences if absence.fate != "replaced"]
+        return [f"Missing road users: {absence.in_words()}." for absence in self.absences if absence.fate != "replaced"]
 
     @property
     def where(self) -> str:
         """The site, its map, and its coordinates."""
         osm = f", OSM {self.osm_id}" if self.osm_id else ""
-        return f"{self.site}, {cited(self.place)} ({self.map_id}, {self.latitude:.5f}, {self.longitude:.5f}{osm})"
+        kind, _, rest = self.site.partition(" ")
+        at = f"{self.map_id}, {self.latitude:.5f}, {self.longitude:.5f}{osm}"
+        return f"{_SITE_NOUNS.get(kind, kind)} {rest}, {cited(self.place)} ({at})"
 
     def answer(self) -> Answer:
         """Return one scenario: its site, traffic and ego; then failures and deviations."""
-        remarks = [f"trial run: {self.trial_run}"] if self.trial_run else []
+        tried = [f"Trial run: {self.trial_run}."] if self.trial_run else []
         notes = first_of(self.notes, _MOST_NOTES, f"describe_scenario of {self.scenario_id}, detail=checks")
         return Answer(
             headline=f"{self.scenario_id}{' (already stored)' if self.reused else ''}: {self.where}.",
             decided=[
                 f"{self.recorded_s:g} s, {self.traffic}.",
-                f"{self.ego[0].upper()}{self.ego[1:]}; goal {self.goal}.",
+                f"{self.ego[0].upper()}{self.ego[1:]}.",
+                f"Goal: {self.goal}.",
                 *([f"Others: {self.others}."] if self.others else []),
             ],
-            figures=[f"Traffic: {self.density}.", *self.missing, *(f"Note: {note}" for note in (*remarks, *notes))],
+            figures=[f"Traffic: {self.density}.", *self.missing, *tried, *(f"Note: {note}" for note in notes)],
             warnings=[
                 *([self.planners_refuse] if self.planners_refuse else []),
                 *([f"failed checks: {', '.join(self.checks_failed)}"] if self.checks_failed else []),
@@ -583,6 +586,10 @@ class ScenarioSummary(Model):
         others = f"; {self.others}" if self.others else ""
         shown = f"{self.recorded_s:g} s, {self.traffic}; {self.density}"
         return f"{made}: {self.where}; {shown}{others}{tried}{failed}{refused}"
+
+
+_SITE_NOUNS = {"signalised_intersection": "signalised intersection", "rural": "rural road", "urban": "urban road"}
+"""Nouns for the types of sites that are not nouns."""
 
 
 class PlanRecord(Model):
@@ -644,14 +651,14 @@ class PlanSummary(Model):
         return [
             *([f"Made {made}."] if made else []),
             *([_cut("Impossible", cannot, self.cannot_total)] if cannot else []),
-            *([_cut("Left", list(self.left[:_SHOWN_CANNOT]), self.left_total)] if self.left else []),
+            *([_cut("Still to be covered", list(self.left[:_SHOWN_CANNOT]), self.left_total)] if self.left else []),
         ]
 
     @property
     def headline(self) -> str:
         """The number of scenarios, and the share of covered combinations."""
         requested = f" of {self.asked:,}" if self.asked is not None else ""
-        before = f" ({self.reused:,} stored before)" if self.reused else ""
+        before = f" ({self.reused:,} already stored)" if self.reused else ""
         share = self.covered / self.allowed if self.allowed else 1.0
         return (
             f"{self.plan_id}: {self.made:,}{requested} scenarios{before}; {share:.1%} of the {self.strength}-way "

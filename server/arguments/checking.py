@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from ...schemas.base import Arguments, choices_of, model_at, problem_of
+from ...schemas.base import CHOICES, CLOSED_RANGES, Arguments, choices_of, model_at, problem_of
 from ...schemas.errors import Change, InvalidRequest, Remedy
 from ...schemas.text import LONGEST_TEXT, one_line
 from .loose_reading import read_loosely
@@ -130,28 +130,29 @@ def _takes_list(model: type[BaseModel], name: str) -> bool:
 
 def _explained(model: type[BaseModel], error: ValidationError, given: Mapping[str, Any]) -> InvalidRequest:
     details = error.errors(include_url=False)
-    problems = [problem_of(model, detail, "argument", ranged=False) for detail in details[:_SHOWN_PROBLEMS]]
+    problems = [
+        problem_of(model, detail, "argument", ranged=False, alone=len(details) == 1)
+        for detail in details[:_SHOWN_PROBLEMS]
+    ]
     more = [f"and {len(details) - _SHOWN_PROBLEMS:,} more like these"] if len(details) > _SHOWN_PROBLEMS else []
     valid = [name for _, names in problems for name in names]
     corrected = _corrected(model, details, given)
-    remedies = list[Remedy]()
+    remedies, step = list[Remedy](), "correct these arguments and call again"
+    if all(detail["type"] == "missing" for detail in details):
+        step = "call again with this argument" if len(details) == 1 else "call again with these arguments"
     if corrected is not None:
+        is_replaced = all(set(detail["loc"][:1]) <= {*corrected} for detail in details if detail["type"] in CHOICES)
+        step = "" if is_replaced else "use a valid value"
         names = dict.fromkeys((*given, *corrected))
         changed = {name: corrected.get(name) for name in names if corrected.get(name) != given.get(name)}
         remedies.append(Remedy((Change(values=changed),)))
     return InvalidRequest(
         "; ".join([*(text for text, _ in problems), *more]),
         valid=dict.fromkeys(valid),
-        next_step="" if remedies else "correct these arguments and call again",
+        next_step=step,
         remedies=remedies,
-        complete=all(detail["type"] in _OF_CLOSED_RANGES for detail in details),
+        complete=all(detail["type"] in ("literal_error", "enum", *CLOSED_RANGES) for detail in details),
     )
-
-
-_OF_CLOSED_RANGES = frozenset(
-    ["literal_error", "enum", "greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"]
-)
-"""Pydantic's error types for a value outside a set of names, or a number beyond its bounds."""
 
 
 def _corrected(

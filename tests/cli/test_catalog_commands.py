@@ -67,13 +67,13 @@ def test_a_folder_is_imported_once_and_again_without_effect(tmp_path: Path) -> N
     first, second = run("add", str(folder)), run("add", str(folder))
     assert first.exit_code == second.exit_code == 0
     assert "1 added" in first.stdout
-    assert "0 added, 1 already known" in second.stdout
+    assert "0 added, 1 already stored" in second.stdout
 
 
 def test_an_archive_with_the_right_hash_is_imported_without_escaping_its_folder(tmp_path: Path, address: str) -> None:
     result = run("fetch", address, "--sha256", hashlib.sha256(archive()).hexdigest())
     assert result.exit_code == 0, result.output
-    assert "1 added, 0 already known, 1 refused" in result.stdout
+    assert "1 added, 0 already stored, 1 refused" in result.stdout
     assert not list(tmp_path.rglob("outside.xml"))
 
 

@@ -30,7 +30,7 @@ def test_a_map_is_added_once_packed_or_plain_and_listed(tmp_path: Path) -> None:
     plain = tmp_path / "other.osm"
     plain.write_bytes(gzip.decompress(packed.read_bytes()))
     again = maps("add", str(plain), "--place", "Harbour", "--country", "de")
-    assert "already known" in again.stdout
+    assert "already stored" in again.stdout
     listed = maps("list")
     assert listed.exit_code == 0
     row = next(line for line in listed.stdout.splitlines() if "Harbour" in line)

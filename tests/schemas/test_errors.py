@@ -162,7 +162,7 @@ def test_all_faults_of_a_call_are_reported_at_once_with_their_valid_values() -> 
         faults.raise_all()
     assert told.value.text == (
         "[unknown_name] 2 errors: edit 0 (reroute): there is no vehicle 7 (valid: 1, 2, 3, 4, 5 and 1 more); "
-        "edit 2 (set_speed): it stands. Next: name one of these; choose another."
+        "edit 2 (set_speed): it stands. Next: correct each of these."
     )
     assert told.value.reason == "x"
 

@@ -138,7 +138,7 @@ def test_a_long_call_is_described_by_its_changes() -> None:
     given = {"text": "x" * SHOWN_CALL, "lane": "left", "edits": [{"speed": "9"}]}
     call = followed(Remedy((*with_values(lane=None).changes, *instead("9", "9m/s").changes)), "tool", given)
     assert call is not None
-    assert call.text == 'call again with the same arguments but without lane, edits[0].speed="9m/s"'
+    assert call.text == 'call again with the same arguments, but without lane and with edits[0].speed="9m/s"'
     short = followed(instead("9", "8"), "tool", {"speed": "9"})
     assert short is not None
     assert short.text == 'call again with {"speed": "8"}'
@@ -148,8 +148,8 @@ def test_a_long_call_is_described_by_its_changes() -> None:
     ("given", "remedy", "dropped"),
     [
         ({"goal": "merge", "count": 2}, with_values(goal=None), ("goal",)),
-        ({"where": ["a=1", "b=2"]}, with_values(where=["b=2"]), ("where 'a=1'",)),
-        ({"obstacles": ["car=many"]}, instead("car=many", "car"), ("obstacles[0] '=many'",)),
+        ({"where": ["a=1", "b=2"]}, with_values(where=["b=2"]), ("'a=1' in where",)),
+        ({"obstacles": ["car=many"]}, instead("car=many", "car"), ("'=many' in obstacles[0]",)),
         ({"speed": "9"}, instead("9", "8"), ()),
     ],
 )

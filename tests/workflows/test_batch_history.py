@@ -66,7 +66,7 @@ async def test_each_batch_is_a_line_with_the_rates_of_its_configurations(connect
             ("frenetix:Safe", 2, 2, 0),
         ]
         assert (first.scenarios, first.lost, first.configs[0].invalid) == (4, 1, 1)
-        assert lines[0].startswith("batch batch_new, 20")
+        assert lines[0].startswith("batch_new, 20")
         assert (
             "constant velocity, recorded traffic, 2 scenarios: frenetix:Default 1/2 = 50% (95% interval 9–91%)"
             in lines[0]

@@ -50,10 +50,10 @@ async def test_a_job_that_ends_in_time_answers_like_any_import(connect: Connect,
     async with connect(bare) as client:
         text, answer = await ask(client, "import_files", path=str(folder))
         assert (answer["state"], answer["added"], answer["refused"]) == ("done", FILES, 1)
-        assert text.startswith(f"{FILES} added, 0 already known, 1 refused.")
+        assert text.startswith(f"{FILES} added, 0 already stored, 1 refused.")
         text, job = await ask(client, "get_job", job_id=answer["job_id"], wait_s=0)
         assert (job["kind"], job["state"], job["share"]) == ("import", "done", 1)
-        assert f"{FILES} added, 0 already known, 1 refused: broken.xml: " in job["message"]
+        assert f"{FILES} added, 0 already stored, 1 refused: broken.xml: " in job["message"]
         assert "find_scenarios" in text
 
 
@@ -98,7 +98,7 @@ def test_the_command_line_stays_until_the_job_has_ended(
     reachable = bare.model_copy(update={"roots": (folder,)})
     code = make_call(reachable, "import_files", json.dumps({"path": str(folder)}), as_json=False, to_the_end=True)
     assert code == 0
-    assert f"{FILES} added, 0 already known, 1 refused" in capsys.readouterr().out
+    assert f"{FILES} added, 0 already stored, 1 refused" in capsys.readouterr().out
 
 
 async def test_a_bad_file_fails_alone(connect: Connect, bare: Settings, folder: Path) -> None:

@@ -131,10 +131,11 @@ def _ego_words(ego: GeneratedEgo, request: GenerationRequest) -> str:
     one_of = (
         f"the only {ego.vehicle_class}" if count == 1 else f"chosen from {counted(count, ego.vehicle_class)}{chosen}"
     )
+    speed = "0" if ego.speed_mps < 0.05 else f"{ego.speed_mps:.1f}"
     if ego.vehicle_class == "car":
-        return f"Ego: {one_of}, at {ego.speed_mps:.1f} m/s"
+        return f"Ego: {one_of}, starts at {speed} m/s"
     known = ego_class(ego.vehicle_class)
-    return f"Ego: {known.in_words}, {one_of}, at {ego.speed_mps:.1f} m/s, limits: {known.source}"
+    return f"Ego: {known.in_words}, {one_of}, starts at {speed} m/s, limits: {known.source}"
 
 
 def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator[str]:
@@ -160,7 +161,8 @@ def _other_type_note(realised: str, requested: str) -> str:
 def _density(density: DensityFacts) -> str:
     return (
         f"{density.at_start_per_lane_km:g} vehicles per lane-km at the start, "
-        f"{density.at_end_per_lane_km:g} at the end ({density.at_time or density.wish}: {density.target_per_lane_km:g})"
+        f"{density.at_end_per_lane_km:g} at the end "
+        f"(requested: {density.target_per_lane_km:g}, {density.at_time or density.wish})"
     )
 
 

@@ -249,7 +249,7 @@ def _weather(value: str) -> tuple[Weather, str]:
     known = next((weather for weather in WEATHERS if weather == name), None)
     if known is None:
         raise UnknownName(
-            f"there is no weather {value!r}; without a weather, it is good",
+            f"there is no weather {value!r}; the default is good weather",
             valid=closest(value, WEATHERS) or WEATHERS,
             next_step="choose one of these, or leave the weather out",
             remedies=misspelt(value, [*WEATHERS, *WEATHER_WORDS]),
@@ -325,7 +325,7 @@ def _others(value: str) -> tuple[str, str]:
         raise UnknownName(
             f"there is no manoeuvre {word!r} of another road user",
             valid=closest(word, MANOEUVRES) or MANOEUVRES,
-            next_step="use for example others=cut_in, or others=cut_in:truck",
+            next_step="use one of these, such as others=cut_in or others=cut_in:truck",
         )
     name = vehicle_class_of(rest) if rest else ""
     if name is None:
@@ -394,6 +394,7 @@ def _check_classes(demands: Sequence[VehicleDemand], texts: Sequence[str]) -> No
                 valid=near,
                 reason="unknown_class",
                 remedies=[*misspelt(name, near), *_without_class(name, texts)],
+                complete=True,
             )
 
 

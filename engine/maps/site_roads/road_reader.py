@@ -223,13 +223,13 @@ class RoadReader:
 
 
 _SENTENCES: Mapping[str, str] = {
-    "closed": "left out, because their tags close them to motor vehicles: {}",
-    "too_narrow": "left out, because they are too narrow for a car: {}",
-    "no_cars": "closed to cars but not to all vehicles: {}",
-    "access_only": "open to destination traffic only, which the simulation ignores: {}",
+    "closed": "roads left out because their tags close them to motor vehicles: {}",
+    "too_narrow": "roads left out because they are too narrow for a car: {}",
+    "no_cars": "roads closed to cars but not to all vehicles: {}",
+    "access_only": "roads for destination traffic only, which the simulation treats as open: {}",
     "barrier": "barriers close roads here to every vehicle: {}",
     "mini_roundabout": "a mini-roundabout becomes a plain junction: {}",
-    "one_lane": f"one lane for both directions, built as a lane of {SHARED_LANE_M:g} m in each: {{}}",
+    "one_lane": f"roads with one lane for both directions, built with one of {SHARED_LANE_M:g} m in each: {{}}",
     "middle_lane": "the centre turn lane is left out: {}",
     "odd_lanes": "the tags do not state which direction has the odd lane; it goes to forward: {}",
     "width_for_fewer": "the mapped width is too small for the mapped lanes, so lanes have the usual width: {}",

@@ -93,7 +93,7 @@ def test_no_ego_prevents_a_recorded_follower_that_drives_into_it() -> None:
     assert not found.possible
     assert {one.start for one in found.drivers} == {"before_contact", "start"}
     assert REFERENCE_DRIVERS_DO in found.in_words()
-    assert "at the start" in found.in_words()
+    assert "from the start" in found.in_words()
     older = found.model_copy(update={"drivers": ()})
     assert "the start" not in older.in_words(), "versions before did not examine it"
 
@@ -127,11 +127,11 @@ def test_the_text_names_drivers_that_prevent_it_and_drivers_that_do_not() -> Non
     ego, standing = track(-1, (0.0, 0.0), 30.0, 200), track(7, (150.0, 0.0), 0.0, 200)
     hit = first_touch(ego, standing)
     words = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S).in_words()
-    rss = "the driver of Responsibility-Sensitive Safety"
+    rss = "the Responsibility-Sensitive Safety (RSS) driver"
     assert words.startswith("preventable by full braking as late as ")
     assert words.endswith(
-        f" s, UN regulation R157's fuzzy driver and {rss}, not by UN regulation R157's careful driver; "
-        f"if in control from the start, full braking, UN regulation R157's fuzzy driver and {rss} prevent it"
+        f" s, UN regulation R157's fuzzy driver and {rss}, but not by UN regulation R157's careful "
+        "driver; if in control from the start, full braking, the fuzzy driver and the RSS driver prevent it"
     )
 
 

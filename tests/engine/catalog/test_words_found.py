@@ -71,13 +71,13 @@ def test_a_tag_that_is_a_feature_too_is_counted_as_both() -> None:
     found = answer(catalogue(many), tags=["roundabout"])
     assert ids(found) == [TAGGED]
     (note,) = found.notes
-    assert note == "'roundabout': 1 as a tag (searched), 2 in features."
+    assert note == "'roundabout' is a tag of 1 scenario (searched) and in the features of 2."
 
 
 def test_words_of_a_text_are_reported_by_where_they_were_found(three: sqlite3.Connection) -> None:
     found = answer(three, text="bikes at a roundabout")
     assert found.notes == (
-        "Scenarios per word of the text: 'bikes' (bicycle): obstacle 1; 'roundabout': tag 1, feature 1.",
+        "Scenarios with words of the text: 'bikes' (bicycle): 1 (obstacle); 'roundabout': 1 (tag), 1 (feature).",
     )
     assert found.total == 3
 
@@ -85,7 +85,7 @@ def test_words_of_a_text_are_reported_by_where_they_were_found(three: sqlite3.Co
 def test_a_text_without_any_match_gives_no_scenarios_and_says_so(three: sqlite3.Connection) -> None:
     found = answer(three, text="zebrafish")
     assert (found.total, found.matches) == (0, ())
-    assert found.notes == ("'zebrafish' is in no title, tag, place or description; the text matches nothing.",)
+    assert found.notes == ("'zebrafish' occurs in no title, tag, place or description; the text matches nothing.",)
     assert [one.unmet for one in found.fallback] == [("the text",)] * 3
 
 
@@ -93,14 +93,14 @@ def test_unknown_words_with_a_similar_meaning_still_rank(three: sqlite3.Connecti
     found = answer(three, likeness=0.3, text="gridlock")
     assert found.total == 3
     assert found.notes == (
-        "'gridlock' is in no title, tag, place or description; results are ordered by similar meaning.",
+        "'gridlock' occurs in no title, tag, place or description; results are ordered by similar meaning.",
     )
 
 
 def test_conditions_match_although_a_text_occurs_nowhere(three: sqlite3.Connection) -> None:
     found = answer(three, text="zebrafish", country="ESP")
     assert ids(found) == [BUILT]
-    assert "'zebrafish' is in no title, tag, place or description; the text matches nothing." in found.notes
+    assert "'zebrafish' occurs in no title, tag, place or description; the text matches nothing." in found.notes
 
 
 @pytest.mark.parametrize("slots", [{"country": "ITA", "obstacles": ["car"]}, {"text": "zebrafish"}])
@@ -128,7 +128,7 @@ def test_the_origin_of_a_scenario_is_a_condition(
 def test_an_unused_origin_lists_the_existing_ones(three: sqlite3.Connection) -> None:
     found = answer(three, origin="recorded", country="DEU")
     assert found.emptied_by is not None
-    assert "available: origins simulated" in found.emptied_by.note
+    assert "available origins: simulated" in found.emptied_by.note
 
 
 def test_lists_of_places_contain_only_places(three: sqlite3.Connection) -> None:

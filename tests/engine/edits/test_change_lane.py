@@ -85,7 +85,7 @@ def test_the_oncoming_lane_is_not_a_valid_target_of_a_lane_change(apply: Apply) 
 def test_a_time_at_which_it_is_not_there_is_refused_with_the_times_it_is(apply: Apply) -> None:
     with pytest.raises(InvalidRequest, match="31 is not there at 20 s") as caught:
         apply(LEFT | {"time_s": 20.0}, builder=FREE)
-    assert caught.value.valid == ("time_s in 0 … 9.9",)
+    assert caught.value.valid == ("time_s from 0 to 9.9",)
     with pytest.raises(InvalidRequest, match=r"31 is not there at 9\.96 s"):
         apply(LEFT | {"time_s": 9.96}, builder=FREE)
 

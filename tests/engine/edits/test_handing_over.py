@@ -72,7 +72,7 @@ def test_a_vehicle_that_keeps_its_recording_although_all_should_react_is_named(a
         builder=town_road().with_vehicles(driving(31, (60, 0), 10.0, 101), walker, last),
         traffic="reactive",
     )
-    assert "cannot be driven, so they keep their recording: 36" in applied.outcome.warnings
+    assert "vehicle 36 keeps its recording, because SUMO cannot drive it" in applied.outcome.warnings
     assert any(text.startswith("vehicle 37 keeps its recording") for text in applied.outcome.warnings)
 
 

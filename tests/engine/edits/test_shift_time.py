@@ -36,13 +36,13 @@ def test_an_entry_after_time_0_has_no_form_in_the_schema_and_is_written_with_a_n
     applied = apply(ONCOMING | {"time_s": 1}, added)
     assert [applied.tracks()[key].first_step for key in (34, 101)] == [10, 20]
     assert len(schema_errors(applied.xml) - schema_errors(applied.base)) > 0
-    said = "vehicle 34 enters at 1.0 s, vehicle 101 enters at 2.0 s: CommonRoad's schema requires time 0"
+    said = "34 enters at 1.0 s, 101 enters at 2.0 s: CommonRoad's schema requires time 0"
     assert any(text.startswith(said) for text in applied.outcome.warnings)
 
 
 def test_vehicles_that_enter_at_one_time_are_reported_together(apply: Apply) -> None:
     (told,) = apply({"op": "shift_time", "vehicles": ["31", "34"], "time_s": 1}).outcome.warnings
-    assert told.startswith("vehicles 31, 34 enter at 1.0 s: ")
+    assert told.startswith("31, 34 enter at 1.0 s: ")
 
 
 def test_two_shifts_add_up_and_lose_no_states(apply: Apply) -> None:
@@ -78,7 +78,7 @@ def test_a_vehicle_about_to_collide_is_driven_from_then_on_with_a_note(apply: Ap
     assert (touched.cause, touched.from_time_s) == ("shifted", 0.0)
     assert touched.handover_jump_m is not None
     assert outcome.edits[0].what == (
-        "vehicle 33 moved to 1 s earlier than recorded; 33 is driven from 0.0 s: its recording would hit vehicle 32 at "
+        "vehicle 33 drives 1 s earlier than recorded; 33 is driven from 0.0 s: its recording would hit vehicle 32 at "
         "1.8 s"
     )
 

@@ -33,7 +33,7 @@ def test_an_edit_of_ordinary_traffic_gives_no_warnings(apply: Apply, edit: dict[
 def test_unseen_vehicles_are_named_only_if_one_drives(apply: Apply) -> None:
     beside = SHORT.with_vehicles(*SHORT.vehicles, OFF_ROAD)
     driven = apply(EVERY_KIND[0], builder=beside).outcome.warnings
-    assert driven == ("recorded off the lanelets, so driven vehicles do not see them: 36",)
+    assert driven == ("driven vehicles do not see 36, because it is recorded off the lanelets",)
     assert apply(EVERY_KIND[7], builder=beside).outcome.warnings == ()
     gone = {"op": "remove_vehicle", "vehicles": ["36"]}
     assert apply(gone, EVERY_KIND[0], builder=beside).outcome.warnings == ()
@@ -42,7 +42,7 @@ def test_unseen_vehicles_are_named_only_if_one_drives(apply: Apply) -> None:
 def test_reactive_traffic_names_vehicles_that_keep_their_recording(apply: Apply) -> None:
     beside = SHORT.with_vehicles(*SHORT.vehicles, OFF_ROAD)
     warnings = apply(EVERY_KIND[0], builder=beside, traffic="reactive").outcome.warnings
-    assert "cannot be driven, so they keep their recording: 36" in warnings
+    assert "vehicle 36 keeps its recording, because SUMO cannot drive it" in warnings
     assert not any("cannot be driven" in one for one in apply(EVERY_KIND[0], builder=beside).outcome.warnings)
 
 
@@ -50,9 +50,9 @@ def test_reactive_traffic_names_vehicles_that_keep_their_recording(apply: Apply)
     ("times", "named"),
     [
         ((0.0, 0.0), None),
-        ((0.0, 1.5), "vehicle 102 enters at 1.5 s"),
-        ((2.0, 1.5), "vehicle 102 enters at 1.5 s, vehicle 101 enters at 2.0 s"),
-        ((1.5, 1.5), "vehicles 101, 102 enter at 1.5 s"),
+        ((0.0, 1.5), "102 enters at 1.5 s"),
+        ((2.0, 1.5), "102 enters at 1.5 s, 101 enters at 2.0 s"),
+        ((1.5, 1.5), "101, 102 enter at 1.5 s"),
     ],
 )
 def test_vehicles_that_enter_late_are_named_in_order(

@@ -107,4 +107,4 @@ def test_a_record_of_before_is_read(tmp_path: Path) -> None:
 
 def test_only_vehicles_without_a_replacement_are_missing_in_the_text() -> None:
     absence = VehicleAbsence(fate="never_there", code="no_room", vehicle_class="car", count=2, reason="full")
-    assert absence.in_words() == "2 cars never there (no_room): full"
+    assert absence.in_words() == "2 cars (no_room: full)"

@@ -89,7 +89,7 @@ def test_a_value_that_is_not_a_number_is_refused_with_the_range_of_its_name(valu
     assert refusal.value.valid[0] == "horizon_s from 1.5 to 6"
     with pytest.raises(InvalidRequest) as refusal:
         changed_configuration(base(), None, [f"jerk={value}"])
-    assert refusal.value.valid[0] == "a weight from 0 to 1e+06"
+    assert refusal.value.valid[0] == "a weight from 0 to 1,000,000"
 
 
 def test_weights_of_the_other_planner_and_settings_among_weights_are_named() -> None:
