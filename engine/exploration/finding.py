@@ -41,7 +41,10 @@ from .spaces import NominalMotion, SpaceBuilder, is_feasible, values_at
 SAFE_GAP_M, SAFE_TTC_S = 15.0, 5.0
 """Larger gaps and times to collision are not critical (chosen): critical times to collision are below 3 s."""
 UNAVOIDABLE = 0.25
-"""The score of a failure that no careful driver avoids (chosen): a milder point next to it may be avoidable."""
+"""The least score of a failure that no careful driver avoids (chosen): a milder point next to it may be avoidable.
+
+If the ego is far from the stratum's own road user, the score is that margin: a car that runs into a braking ego from
+behind says nothing about the encounter that is sought."""
 _FASTEST_MPS = 30.0
 SLOW_MPS, FAST_MPS = 3.0, 10.0
 """Bounds of the speed bands: walking pace, and an urban street's speed (chosen)."""
@@ -131,11 +134,12 @@ def scored(
     if evaluation.outcome == "failed_avoidably":
         speed = evaluation.ego_speed_mps or 0.0
         return PointScore(value=round(-1.0 - speed / _FASTEST_MPS, 4), cell=cell_of(stratum, evaluation, recorded))
-    if evaluation.outcome == "failed_unavoidably":
-        return PointScore(value=UNAVOIDABLE)
     own = [track for track in run.traffic.moving if _is_own(stratum, track.obstacle_id, recorded)]
     standing = [track for track in run.traffic.standing if _is_own(stratum, track.obstacle_id, recorded)]
-    return PointScore(value=round(_margin(run, own, standing), 4))
+    margin = round(_margin(run, own, standing), 4)
+    if evaluation.outcome == "failed_unavoidably":
+        return PointScore(value=max(margin, UNAVOIDABLE))
+    return PointScore(value=margin)
 
 
 def _margin(run: DrivenRun, moving: Sequence[Track], standing: Sequence[Track]) -> float:
