@@ -1,8 +1,9 @@
 """The operations of a search for failures: derive a space, propose points, evaluate them, reduce a failure.
 
 A search asks first for an attributable failure, one that a careful or fuzzy driver avoids, and otherwise for the least
-margin to the counterpart: the mean of the gap and the time to collision, each as a share of a value that counts as
-safe.
+margin to the counterpart: the mean of the gap in time and the time to collision, each as a share of a value that
+counts as safe. The gap in time is the gap over the ego's speed: an ego that has stopped in front of a road user is near
+it and yet has done nothing wrong.
 """
 
 import math
@@ -31,16 +32,17 @@ from ..criticality import encounters, gaps_m, times_to_collision_s
 from ..execution import ProgressReporter
 from ..planners import DrivenRun, driven_ego, lane_line
 from ..scene import Scene
-from ..vehicles import vehicle_of
+from ..vehicles import STANDING_MPS, vehicle_of
 from .concrete import concrete_edits
 from .evaluation import Evaluator
 from .search import FailureSearch, Score, Stratum
 from .shrinking import Trials, minimal_subset, nearest_values, smallest
 from .spaces import NominalMotion, SpaceBuilder, is_feasible, values_at
 
-SAFE_GAP_M, SAFE_TTC_S = 15.0, 5.0
-"""Larger gaps and times to collision are not critical (chosen): critical times to collision are below 3 s."""
-UNAVOIDABLE = 0.25
+SAFE_GAP_S, SAFE_TTC_S = 2.0, 5.0
+"""Larger gaps in time and times to collision are not critical: UN R157's driver sees danger in a time headway below
+2 s. Critical times to collision are below 3 s (5 s is chosen)."""
+UNAVOIDABLE = 0.5
 """The least score of a failure that no careful driver avoids (chosen): a milder point next to it may be avoidable.
 
 If the ego is far from the stratum's own road user, the score is that margin: a car that runs into a braking ego from
@@ -143,14 +145,17 @@ def scored(
 
 
 def _margin(run: DrivenRun, moving: Sequence[Track], standing: Sequence[Track]) -> float:
-    """Return the least margin between the ego and some road users, from 0 (contact) to 1 (nothing comes near)."""
+    """Return the least margin between the moving ego and some road users, from 0 (contact) to 1 (nothing near)."""
     if run.task is None:
         return 1.0
     met = encounters(driven_ego(run.states, run.task.vehicle), moving, standing)
     if not len(met.state):
         return 1.0
-    gap = min(float(gaps_m(met).min()), SAFE_GAP_M) / SAFE_GAP_M
-    soonest = float(times_to_collision_s(met.ego, met.other).min())
+    moves = met.ego.speeds_mps >= STANDING_MPS
+    if not moves.any():
+        return 1.0
+    gap = min(float((gaps_m(met)[moves] / met.ego.speeds_mps[moves]).min()), SAFE_GAP_S) / SAFE_GAP_S
+    soonest = float(times_to_collision_s(met.ego, met.other)[moves].min())
     return (gap + (min(soonest, SAFE_TTC_S) / SAFE_TTC_S if math.isfinite(soonest) else 1.0)) / 2.0
 
 
