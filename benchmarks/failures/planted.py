@@ -5,9 +5,13 @@ the same point. It is planted into IDM, on a drawn road or in a drawn public sce
 in which random points (other than any search's) reach it at all. Weaknesses take turns with the bases, so that not all
 of them stand in the first.
 
-Keys: ``planted_common`` (share of weaknesses and seeds found within 60 runs), ``planted_common_weaknesses``,
-``planted_rare`` (within 300 runs, for weaknesses that at most .2 % of random points hit), ``planted_rare_weaknesses``,
-``planted_median_run`` and ``planted_unreached`` (weaknesses that no base shows, or that are not rare in any).
+Keys:
+
+- ``planted_common``: share of weaknesses and seeds found within 60 runs; ``planted_common_weaknesses``: their number.
+- ``planted_rare``: the same within 300 runs, for weaknesses that at most .2 % of random points hit;
+  ``planted_rare_weaknesses``.
+- ``planted_median_run``: the run that found a common one.
+- ``planted_unreached``: weaknesses that no base shows, or that are not rare in any.
 """
 
 import sys
