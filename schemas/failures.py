@@ -12,6 +12,7 @@ from .modification import Edit
 from .reviews import CAREFUL_DRIVERS
 from .runs import Prediction, Traffic
 from .text import counted
+from .worlds import PERFECT_NAME
 
 
 class SpaceRequest(Model):
@@ -136,6 +137,7 @@ class FindFailuresArguments(Arguments):
     """The prediction of others that the planner receives."""
     traffic: Traffic = "recorded"
     """Whether others follow their recording or react to the ego."""
+    world: str = Field(PERFECT_NAME, description="as in run_planner")
     wait_s: float = Field(45, ge=0, le=50)
     """How long to wait, in s. Afterwards the answer gives the job's id."""
     seed: int = 0

@@ -12,6 +12,7 @@ from pathlib import Path
 import anyio
 
 from ..engine.execution import JobProgress
+from ..engine.planners import check_modes, check_world
 from ..engine.workspace import Recipe, versions_of, write_text
 from ..schemas.base import Model
 from ..schemas.errors import NotPossible
@@ -33,6 +34,7 @@ from ..schemas.failures import (
 from ..schemas.modification import Edit, ModifyScenarioArguments
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.text import counted
+from ..schemas.worlds import world_of
 from .boundaries import EXPLORED_FOLDER
 from .configurations import resolve_configuration
 from .context import WorkflowContext
@@ -42,6 +44,8 @@ from .runs import Cell, own_versions, run_cell
 from .scenarios import one_scenario
 
 _TOOL = "find_failures"
+_OPENING = 0.1
+"""The share of a search's progress that the derivation of its space gets."""
 _MOST_TRIED = 6
 """A search ends after this many proposals per run, if most are implausible (chosen)."""
 
@@ -122,7 +126,7 @@ class _Search:
             return
         _write(self.path, (self.space, *self.batches), self.context)
 
-    async def open(self) -> SearchSpace:
+    async def open(self, progress: JobProgress) -> SearchSpace:
         """Return the search space, from an earlier search or derived now.
 
         Raises:
@@ -130,21 +134,37 @@ class _Search:
         """
         self.resume()
         if self.space is None:
+
+            async def forward(share: float, message: str) -> None:
+                progress.report(_OPENING * share, message)
+
             request = SpaceRequest(setting=self.setting, base_id=self.scenario_id)
-            self.space = await self.context.run(OPEN_SPACE, request)
+            self.space = await self.context.services.workers.run(OPEN_SPACE, request, on_progress=forward)
             self.keep()
-        _check(self.space, self.scenario_id, self.configuration.name)
+        self.check()
         return self.space
+
+    def check(self) -> None:
+        """Refuse a base that is known to be useless.
+
+        Raises:
+            NotPossible: the planner fails in the unchanged base, or nothing plausible can be varied.
+        """
+        if self.space is not None:
+            _check(self.space, self.scenario_id, self.configuration.name)
 
     async def run(self, progress: JobProgress) -> FailureSearchRecord:
         """Search until the budget is used, store the failures, and return the record."""
-        space = await self.open()
+        space = await self.open(progress)
         while not self.is_done:
             await self.evaluate_batch(space)
             self.keep()
             share = min(self.runs / self.arguments.runs, 1.0)
             found = len(self.cells(self.points))
-            progress.report(0.9 * share, f"{self.runs} of {self.arguments.runs} runs, {found} distinct failures")
+            progress.report(
+                _OPENING + (0.9 - _OPENING) * share,
+                f"{self.runs} of {self.arguments.runs} runs, {found} distinct failures",
+            )
         return await self._record(space, progress)
 
     async def evaluate_batch(self, space: SearchSpace) -> None:
@@ -252,6 +272,7 @@ class _Search:
             self.arguments.prediction,
             self.arguments.traffic,
             self.arguments.seed,
+            self.setting.world,
         )
         result = await run_cell(self.context, cell)
         run_id = "" if result.record is None else result.record.run_id
@@ -282,6 +303,9 @@ def _check(space: SearchSpace, scenario_id: str, planner: str) -> None:
 def _search(arguments: FindFailuresArguments, context: WorkflowContext) -> _Search:
     artifact, problem = one_scenario(arguments.scenario_id, context)
     configuration = resolve_configuration(arguments.config, context)
+    world = world_of(arguments.world)
+    check_modes(arguments.traffic, arguments.prediction, world)
+    check_world(configuration.planner, world)
     base_id, earlier = base_and_edits(artifact)
     setting = EncounterSetting(
         xml=context.workspace.file("scenario", base_id, "scenario.xml"),
@@ -290,6 +314,7 @@ def _search(arguments: FindFailuresArguments, context: WorkflowContext) -> _Sear
         earlier=earlier,
         traffic=arguments.traffic,
         prediction=arguments.prediction,
+        world=world,
         seed=arguments.seed,
         horizon_s=arguments.horizon_s,
     )
@@ -305,6 +330,7 @@ def _search(arguments: FindFailuresArguments, context: WorkflowContext) -> _Sear
 def _recipe(
     arguments: FindFailuresArguments, scenario_id: str, problem: int | None, configuration: PlannerConfiguration
 ) -> Recipe:
+    world = world_of(arguments.world)
     return Recipe(
         tool=_TOOL,
         arguments={
@@ -317,6 +343,7 @@ def _recipe(
             "horizon_s": arguments.horizon_s,
             "prediction": arguments.prediction,
             "traffic": arguments.traffic,
+            **({} if world.is_perfect else {"world": world.stated}),
         },
         parents=(scenario_id, configuration.config_id),
         seed=arguments.seed,
@@ -330,6 +357,7 @@ async def find_failures(arguments: FindFailuresArguments, context: WorkflowConte
 
     Raises:
         NotPossible: the planner fails in the unchanged base, or nothing plausible can be varied.
+        InvalidRequest: the prediction does not fit the traffic or the world, or the planner does not fit the world.
     """
     search = _search(arguments, context)
     recipe = _recipe(arguments, search.scenario_id, search.setting.problem_id, search.configuration)
@@ -342,12 +370,15 @@ async def find_failures(arguments: FindFailuresArguments, context: WorkflowConte
 
     record = _kept_record(recipe, context)
     if record is None:
-        await search.open()
         job = context.start_job("exploration", recipe, work)
         context.made("job", job.job_id)
         job = await context.wait_for(job.job_id, arguments.wait_s)
         record = _kept_record(recipe, context)
         if record is None:
+            if job.state == "failed":
+                # The refusal of a useless base answers the call with its code, not only as the job's text.
+                search.resume()
+                search.check()
             return FindFailuresResult(
                 state=job.state,
                 job_id=job.job_id,

@@ -42,8 +42,7 @@ PARTS: Parts[FailuresBench] = Parts(
 
 
 def _bench(given: argparse.Namespace, scratch: Path) -> FailuresBench:
-    del scratch
-    return FailuresBench.of(given)
+    return FailuresBench.of(given, scratch)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from statistics import fmean
 
 from ..harness import Figures
 from .bench import FailuresBench
+from .cases import Case
 from .peers import SEARCHES, cells_after, searched
 
 _WEAKNESSES = ("blind_on_the_left", "blind_to_crossing", "slow_to_notice", "blind_to_slow")
@@ -25,17 +26,18 @@ def measure(bench: FailuresBench) -> Figures:
     """Search every case with every search and seed."""
     counts: dict[str, list[int]] = defaultdict(list)
     shares, cases = [], 0
-    for number, path in enumerate(bench.idm_bases):
+    for number, base in enumerate(bench.idm_bases):
+        path = base.path
         for planner, weakness in (("idm", _WEAKNESSES[number % len(_WEAKNESSES)]), ("fiss", "")):
-            case = bench.case(path, planner, weakness)
-            if not case.strata or case.evaluator.evaluate(()).has_failed:
+            case = Case(bench.base_of(base, planner), weakness)
+            if not case.is_possible:
                 sys.stderr.write(f"{path.stem} {planner} {weakness}: no base\n")
-                case.close()
+                case.base.close()
                 continue
             cases += 1
             own, union = [], set[str]()
             for name in SEARCHES:
-                for seed in range(bench.first_seed, bench.first_seed + bench.seeds):
+                for seed in bench.all_seeds:
                     found = searched(name, case.strata, seed, case.judge, bench.runs)
                     cells = cells_after(found, bench.runs)
                     counts[name].append(len(cells))
@@ -46,7 +48,7 @@ def measure(bench: FailuresBench) -> Figures:
                 sys.stderr.write(f"{path.stem} {planner} {weakness} {name}: {seeds}\n")
             if union:
                 shares.append(fmean(len(one) / len(union) for one in own))
-            case.close()
+            case.base.close()
     means = {name: fmean(values) for name, values in counts.items() if values}
     best = max((mean for name, mean in means.items() if name != "ours"), default=0.0)
     return {

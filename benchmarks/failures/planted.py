@@ -1,15 +1,22 @@
 """Planted weaknesses: how soon each is found as itself.
 
 A weakness is found as itself by a failure that a careful driver avoids and that the healthy planner does not have at
-the same point. It is planted into IDM, in the first drawn base that the weak planner passes and in which random points
-(other than any search's) reach it at all.
+the same point. It is planted into IDM, on a drawn road or in a drawn public scenario that the weak planner passes and
+in which random points (other than any search's) reach it at all. Weaknesses take turns with the bases, so that not all
+of them stand in the first.
 
-Keys: ``planted_common`` (share of weaknesses and seeds found within 60 runs), ``planted_common_weaknesses``,
-``planted_rare`` (within 300 runs, for weaknesses that at most .2 % of random points hit), ``planted_rare_weaknesses``,
-``planted_median_run`` and ``planted_unreached`` (weaknesses that no base shows).
+Keys:
+
+- ``planted_common``: share of weaknesses and seeds found within 60 runs; ``planted_common_weaknesses``: their number.
+- ``planted_rare``: the same within 300 runs, for weaknesses that at most .2 % of random points hit;
+  ``planted_rare_weaknesses``.
+- ``planted_median_run``: the run that found a common one.
+- ``planted_unreached``: weaknesses that no base shows, or that are not rare in any.
 """
 
 import sys
+import time
+from collections.abc import Sequence
 from statistics import median
 
 import numpy as np
@@ -18,74 +25,106 @@ from plannerforge.engine.exploration import Point
 
 from ..harness import Figures, share
 from .bench import FailuresBench
-from .cases import Case
+from .cases import Base, Case
 from .peers import SEARCHES
-from .weaknesses import NAMES, RARE
+from .weaknesses import NAMES, PRACTICE, RARE
 
 _COMMON_RUNS, _RARE_RUNS = 60, 300
-_SCANNED, _RARE_SCANNED = 150, 1000
+_SCANNED, _RARE_SCANNED = 80, 200
+_RARE_RATE = 0.002
 _SCAN_SEED = 987_654_321
 
 
 def measure(bench: FailuresBench) -> Figures:
     """Search for every planted weakness with every seed."""
-    found, unreached = _found(bench, NAMES, _COMMON_RUNS, _SCANNED, rare=False)
-    rare, unreached_rare = _found(bench, tuple(RARE), _RARE_RUNS, _RARE_SCANNED, rare=True)
-    runs = [run for run in found if run is not None]
+    common = tuple(PRACTICE) if bench.practice else NAMES
+    rare = () if bench.practice else tuple(RARE)
+    watched = (*common, *rare)
+    wanted = bench.weaknesses or watched
+    bases = [*bench.road_bases, *bench.idm_bases]
+    for base in bases:
+        base.watched = wanted
+    places = {
+        name: _place(bases, number, name, is_rare=name in RARE) for number, name in enumerate(watched) if name in wanted
+    }
+    found: dict[str, list[int | None]] = {}
+    for base in bases:
+        for name in (name for name, place in places.items() if place is base):
+            found[name] = _firsts(Case(base, name, shares=True), bench.all_seeds, is_rare=name in RARE)
+        base.close()
+    firsts = [run for name in common for run in found.get(name, ())]
+    rare_firsts = [run for name in rare for run in found.get(name, ())]
+    runs = [run for run in firsts if run is not None]
     return {
-        "planted_common": share(run is not None for run in found),
-        "planted_common_weaknesses": len(NAMES) - len(unreached),
-        "planted_rare": share(run is not None for run in rare),
-        "planted_rare_weaknesses": len(RARE) - len(unreached_rare),
+        "planted_common": share(run is not None for run in firsts),
+        "planted_common_weaknesses": sum(name in found for name in common),
+        "planted_rare": share(run is not None for run in rare_firsts),
+        "planted_rare_weaknesses": sum(name in found for name in rare),
         "planted_median_run": median(runs) if runs else "none",
-        "planted_unreached": " ".join((*unreached, *unreached_rare)) or "none",
+        "planted_unreached": " ".join(name for name in wanted if name not in found) or "none",
         "planted_seeds": bench.seeds,
     }
 
 
-def _found(
-    bench: FailuresBench, weaknesses: tuple[str, ...], runs: int, scanned: int, *, rare: bool
-) -> tuple[list[int | None], list[str]]:
-    """Return the run that found each weakness with each seed, and the weaknesses that no base shows."""
-    found: list[int | None] = []
-    unreached = []
-    for weakness in weaknesses:
-        case = _case(bench, weakness, scanned, rare=rare)
-        if case is None:
-            unreached.append(weakness)
-            continue
-        firsts = [first_as_itself(case, seed, runs) for seed in range(bench.first_seed, bench.first_seed + bench.seeds)]
-        sys.stderr.write(f"{weakness} in {case.path.stem}: {firsts}\n")
-        found += firsts
-        case.close()
-    return found, unreached
+def _firsts(case: Case, seeds: Sequence[int], *, is_rare: bool) -> list[int | None]:
+    begun = time.monotonic()
+    firsts = [first_as_itself(case, seed, _RARE_RUNS if is_rare else _COMMON_RUNS) for seed in seeds]
+    sys.stderr.write(f"{case.weakness} in {case.path.stem}: {firsts} ({time.monotonic() - begun:.0f} s)\n")
+    return firsts
 
 
-def _case(bench: FailuresBench, weakness: str, scanned: int, *, rare: bool) -> Case | None:
-    """Return the first base in which the weakness can be reached; for a rare one, rarely enough."""
-    for path in bench.idm_bases:
-        case = bench.case(path, "idm", weakness)
-        if case.strata and not case.evaluator.evaluate(()).has_failed:
-            hits, runs = _scan(case, scanned, to_first=not rare)
-            if hits and (not rare or hits / runs <= 0.002):
-                sys.stderr.write(f"{weakness}: {hits} of {runs} random runs in {path.stem}\n")
-                return case
-        case.close()
+def _place(bases: Sequence[Base], number: int, weakness: str, *, is_rare: bool) -> Base | None:
+    """Return the first base, from the weakness's own turn on, that shows it; for a rare one, rarely enough."""
+    for turn in range(len(bases)):
+        base = bases[(number + turn) % len(bases)]
+        case = Case(base, weakness, shares=True)
+        if case.is_possible:
+            rate, points = _rare_rate(case) if is_rare else _shown(case)
+            sys.stderr.write(f"{weakness}: hit rate about {rate:.4f} of {points} random points, {base.path.stem}\n")
+            if rate and (not is_rare or rate <= _RARE_RATE):
+                return base
+        else:
+            sys.stderr.write(f"{weakness}: fails in the unchanged {base.path.stem}\n")
     return None
 
 
-def _scan(case: Case, points: int, *, to_first: bool) -> tuple[int, int]:
-    """Return how many of some random points show the weakness, and how many were run."""
-    drawn, hits, runs = np.random.default_rng(_SCAN_SEED), 0, 0
-    for _ in range(points):
-        stratum = case.strata[int(drawn.integers(len(case.strata)))]
-        point = Point(stratum.name, tuple(round(float(one), 6) for one in drawn.random(stratum.dimensions)))
-        judged = case.judge(point)
-        runs += judged.score.value is not None
-        hits += judged.score.cell is not None and case.is_planted(point)
-        if hits and to_first:
-            break
-    return hits, runs
+def _shown(case: Case) -> tuple[float, int]:
+    """Return the hit rate of random points up to the first hit, and their number."""
+    for number, point in enumerate(_random_points(case, _SCANNED, ())):
+        if _is_hit(case, point):
+            return 1 / (number + 1), number + 1
+    return 0.0, _SCANNED
+
+
+def _rare_rate(case: Case) -> tuple[float, int]:
+    """Return the hit rate of random points, and how many were drawn.
+
+    They are drawn only in strata in which the weakness changes what the planner sees at all, because it can fail in no
+    other one.
+    """
+    matter = {
+        point.stratum for point in _random_points(case, _SCANNED, ()) if case.base.is_altered(point, case.weakness)
+    }
+    if not matter:
+        return 0.0, _SCANNED
+    points = list(_random_points(case, _RARE_SCANNED, sorted(matter)))
+    hits = sum(_is_hit(case, point) for point in points)
+    return hits / len(points) * len(matter) / len(case.strata), len(points)
+
+
+def _random_points(case: Case, count: int, strata: Sequence[str]) -> Sequence[Point]:
+    """Return random points in some strata, by default in all; the same ones for every weakness."""
+    chosen = [stratum for stratum in case.strata if not strata or stratum.name in strata]
+    drawn, points = np.random.default_rng(_SCAN_SEED), []
+    for _ in range(count):
+        stratum = chosen[int(drawn.integers(len(chosen)))]
+        values = tuple(round(float(one), 6) for one in drawn.random(stratum.dimensions))
+        points.append(Point(stratum.name, values))
+    return points
+
+
+def _is_hit(case: Case, point: Point) -> bool:
+    return case.judge(point).score.cell is not None and case.is_planted(point)
 
 
 def first_as_itself(case: Case, seed: int, runs: int, search: str = "ours") -> int | None:

@@ -22,7 +22,7 @@ from commonroad.common.file_reader import CommonRoadFileReader
 from plannerforge.engine.edits import apply_edits
 from plannerforge.engine.execution import silent
 from plannerforge.engine.exploration import Evaluator
-from plannerforge.engine.exploration.finding import is_same_failure, shrunk
+from plannerforge.engine.exploration.finding import is_same_failure
 from plannerforge.schemas.exploration import Evaluation
 from plannerforge.schemas.failures import EvaluatedPoint, ShrinkRequest
 from plannerforge.schemas.modification import ModificationRequest
@@ -40,14 +40,15 @@ _LEAST_TTC_S, _HARDEST_MPS2 = 2.0, 9.0
 def measure(bench: FailuresBench) -> Figures:
     """Search each case once, and judge the first failure of each cell."""
     reproduced, plausible, users, runs, same = [], [], [], [], []
-    for number, path in enumerate(bench.idm_bases):
-        case = bench.case(path, "idm", _WEAKNESSES[number % len(_WEAKNESSES)])
-        if not case.strata or case.evaluator.evaluate(()).has_failed:
-            case.close()
+    for number, base in enumerate(bench.idm_bases):
+        case = Case(base, _WEAKNESSES[number % len(_WEAKNESSES)])
+        if not case.is_possible:
+            sys.stderr.write(f"{case.path.stem}: fails unchanged with {case.weakness}\n")
+            base.close()
             continue
         searched("ours", case.strata, bench.first_seed, case.judge, _RUNS)
         firsts: dict[str, EvaluatedPoint] = {}
-        for point in case.known.values():
+        for point in case.seen:
             if point.score.cell is not None:
                 firsts.setdefault(point.score.cell, point)
         for cell, point in firsts.items():
@@ -58,15 +59,15 @@ def measure(bench: FailuresBench) -> Figures:
             request = ShrinkRequest(
                 setting=case.setting, stratum=stratum, point=point.point, recorded=case.space.recorded
             )
-            reduced = shrunk(case.evaluator, request, silent)
+            reduced = case.shrunk(request)
             users.append(reduced.road_users)
             runs.append(reduced.runs)
             same.append(is_same_failure(point.evaluation, reduced.evaluation))
             sys.stderr.write(
-                f"{path.stem} {cell}: {reduced.road_users_before} -> {reduced.road_users} road users, "
+                f"{case.path.stem} {cell}: {reduced.road_users_before} -> {reduced.road_users} road users, "
                 f"{reduced.runs} runs, same {same[-1]}, reproduced {reproduced[-1]} {problem}\n"
             )
-        case.close()
+        base.close()
     return {
         "reproduced": share(reproduced),
         "plausible": share(plausible),

@@ -37,6 +37,11 @@ def _late(ego: EgoState, other: PredictedObstacle) -> bool:
     return ego.speed_mps > 12.0 and (closing <= 0.0 or (ahead - 4.5) / closing > 1.2)
 
 
+def _faces_late(kind: str) -> Callable[[EgoState, PredictedObstacle], bool]:
+    """Hidden until it is within 8 m, for one class."""
+    return lambda ego, other: other.kind == kind and float(np.linalg.norm(other.positions[0] - ego.position)) > 8.0
+
+
 def _as_standing(ego: EgoState, other: PredictedObstacle) -> PredictedObstacle:
     del ego
     count = len(other.positions)
@@ -73,6 +78,22 @@ COMMON: Mapping[str, Sight] = {
     "others_seem_to_drive_on": _as_faster,
 }
 """Weaknesses by name that hold at every step."""
+PRACTICE: Mapping[str, Sight] = {
+    "blind_to_oncoming": _unless(lambda ego, other: abs(_place(ego, other)[2]) > math.radians(135)),
+    "narrow_view": _unless(lambda ego, other: abs(_place(ego, other)[1]) > 0.5 * max(_place(ego, other)[0], 0.0) + 1.0),
+    "blind_to_fast": _unless(lambda _, other: other.speed_mps > 6.0),
+    "late_to_pedestrians": _unless(_faces_late("pedestrian")),
+    "late_to_cyclists": _unless(_faces_late("bicycle")),
+    "blind_when_slow": _unless(lambda ego, _: ego.speed_mps < 4.0),
+    "people_seem_to_stand": lambda ego, other: _as_standing(ego, other) if other.kind in _PEOPLE else other,
+    "blind_to_near_cars": _unless(
+        lambda ego, other: other.kind not in _PEOPLE and float(np.linalg.norm(other.positions[0] - ego.position)) < 12.0
+    ),
+    "blind_to_cars_that_brake": _unless(
+        lambda ego, other: other.kind not in _PEOPLE and other.speed_mps < 0.6 * ego.speed_mps
+    ),
+}
+"""Weaknesses on which the search is developed, in other scenarios; nothing is reported on them."""
 DELAYED: Mapping[str, float] = {"latency": 1.2, "slow_to_notice": 2.0}
 """``latency``: what it sees is so many seconds old. ``slow_to_notice``: a road user is seen only so many seconds after
 it first moved within 40 m."""
@@ -96,28 +117,77 @@ class Weak:
     """A planner with a weakness; everything else is the healthy planner's."""
 
     def __init__(self, healthy: Planner, weakness: str) -> None:
-        self._healthy, self._weakness = healthy, weakness
-        self._sight = {**COMMON, **RARE}.get(weakness)
-        self._delay_s = DELAYED.get(weakness, 0.0)
+        self._healthy, self._sees = healthy, _Sees(weakness)
 
     def reset(self, task: PlanningTask) -> None:
         """Begin a run."""
         self._healthy.reset(task)
+        self._sees.begin(task)
+
+    def plan(self, observation: Observation) -> Plan:
+        """Return the healthy planner's plan for what it sees."""
+        return self._healthy.plan(replace(observation, obstacles=self._sees.of(observation)))
+
+
+class Watch:
+    """A healthy planner; ``altered`` names the weaknesses that would have changed what it saw.
+
+    A run in which a weakness changes nothing is the healthy planner's run, so it needs no run of its own.
+    """
+
+    def __init__(self, healthy: Planner, weaknesses: Sequence[str]) -> None:
+        self.altered: set[str] = set()
+        self._healthy, self._watched = healthy, {name: _Sees(name) for name in weaknesses}
+
+    def reset(self, task: PlanningTask) -> None:
+        """Begin a run."""
+        self._healthy.reset(task)
+        for sees in self._watched.values():
+            sees.begin(task)
+
+    def plan(self, observation: Observation) -> Plan:
+        """Return the healthy planner's plan."""
+        for name, sees in self._watched.items():
+            if name not in self.altered and not _are_same(sees.of(observation), observation.obstacles):
+                self.altered.add(name)
+        return self._healthy.plan(observation)
+
+
+def _are_same(some: Sequence[PredictedObstacle], others: Sequence[PredictedObstacle]) -> bool:
+    return len(some) == len(others) and all(
+        one is other
+        or (
+            one.speed_mps == other.speed_mps
+            and np.array_equal(one.positions, other.positions)
+            and np.array_equal(one.headings_rad, other.headings_rad)
+        )
+        for one, other in zip(some, others, strict=True)
+    )
+
+
+class _Sees:
+    """What a planner with a weakness sees, step by step."""
+
+    def __init__(self, weakness: str) -> None:
+        self._weakness = weakness
+        self._sight = {**COMMON, **PRACTICE, **RARE}.get(weakness)
+        self._delay_s = DELAYED.get(weakness, 0.0)
+
+    def begin(self, task: PlanningTask) -> None:
+        """Begin a run."""
         self._delay = round(self._delay_s / task.step_s)
         self._seen: deque[tuple[int, tuple[PredictedObstacle, ...]]] = deque()
         self._noticed: dict[int, int] = {}
 
-    def plan(self, observation: Observation) -> Plan:
-        """Return the healthy planner's plan for what it sees."""
+    def of(self, observation: Observation) -> tuple[PredictedObstacle, ...]:
+        """Return the road users that it sees; called at every step."""
         obstacles: Sequence[PredictedObstacle] = observation.obstacles
         if self._sight is not None:
             seen = (self._sight(observation.ego, other) for other in obstacles)
-            obstacles = [other for other in seen if other is not None]
-        elif self._weakness == "latency":
-            obstacles = self._old(observation)
-        else:
-            obstacles = [other for other in obstacles if self._has_noticed(observation.ego, other)]
-        return self._healthy.plan(replace(observation, obstacles=tuple(obstacles)))
+            return tuple(other for other in seen if other is not None)
+        if self._weakness == "latency":
+            return tuple(self._old(observation))
+        return tuple(other for other in obstacles if self._has_noticed(observation.ego, other))
 
     def _old(self, observation: Observation) -> Sequence[PredictedObstacle]:
         now = observation.ego.step

@@ -61,6 +61,8 @@ _INTO_EGO = ("rear_end_by_other", "onto_standing_ego")
 prescribed road users do not brake.
 """
 _RECORDED = "recorded"
+_WITH_NEARNESS = ("safe", "failed_unavoidably")
+"""Outcomes whose points a search scores by how near other road users came."""
 
 
 @dataclass(frozen=True)
@@ -75,32 +77,39 @@ class _Point:
 
 @dataclass(frozen=True)
 class Nearness:
-    """How near other road users came to the ego: gaps (n,) in m and times to collision (n,) in s.
+    """How near other road users came to the ego: gaps (n,) in m, times to collision (n,) in s, the ego's speeds (n,).
 
-    ``others``: the road users; ``other`` (n,): the index of the one that each value belongs to.
+    ``others``: the road users; ``other`` (n,): the index of the road user that each value belongs to.
     """
 
     others: tuple[Track, ...]
     other: NDArray[np.intp]
     gaps_m: Values
     times_s: Values
+    speeds_mps: Values
 
     @classmethod
     def of(cls, met: Encounters, others: tuple[Track, ...]) -> "Nearness":
         """Return the gaps and times of a drive's encounters."""
-        return cls(others, met.track, gaps_m(met), times_to_collision_s(met.ego, met.other))
+        return cls(others, met.track, gaps_m(met), times_to_collision_s(met.ego, met.other), met.ego.speeds_mps)
 
-    def least(self, counts: Callable[[Track], bool]) -> tuple[float, float] | None:
-        """Return the smallest gap and time to collision to road users that count, or None if none of them was near."""
+    def least_s(self, counts: Callable[[Track], bool]) -> tuple[float, float] | None:
+        """Return the smallest gap in time and time to collision, in s, to road users that count while the ego moves.
+
+        The gap in time is the gap divided by the ego's speed. Return None if no such road user came near.
+        """
         own = np.isin(self.other, [index for index, track in enumerate(self.others) if counts(track)])
-        return (float(self.gaps_m[own].min()), float(self.times_s[own].min())) if own.any() else None
+        own &= self.speeds_mps >= STANDING_MPS
+        if not own.any():
+            return None
+        return float((self.gaps_m[own] / self.speeds_mps[own]).min()), float(self.times_s[own].min())
 
 
 @dataclass(frozen=True)
 class DrivenPoint:
     """How the planner fares at a point, with its run; None if there was no run.
 
-    ``nearness``: of a run without a failure in which other road users came near.
+    ``nearness``: of a run without a failure, or with an unavoidable one, in which other road users came near.
     """
 
     evaluation: Evaluation
@@ -235,7 +244,7 @@ class Evaluator:
             )
         judged = _Judged(setting, point, problem, vehicle, run)
         evaluation = judged.evaluation(ending)
-        return DrivenPoint(evaluation, run, judged.nearness if evaluation.outcome == "safe" else None)
+        return DrivenPoint(evaluation, run, judged.nearness if evaluation.outcome in _WITH_NEARNESS else None)
 
 
 def _manoeuvres(done: Iterable[tuple[EditOperation, Sequence[int]]]) -> dict[int, str]:

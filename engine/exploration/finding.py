@@ -1,8 +1,9 @@
 """The operations of a search for failures: derive a space, propose points, evaluate them, reduce a failure.
 
 A search looks first for an attributable failure, that is, a failure that a careful or fuzzy driver avoids. Without one,
-it looks for the smallest margin to the counterpart: the mean of the gap and the time to collision, each divided by a
-value that counts as safe.
+it looks for the smallest margin to the counterpart: the mean of the gap in time and the time to collision, each divided
+by a value that counts as safe. The gap in time is the gap divided by the ego's speed: an ego that has stopped in front
+of a road user is near it, but has done nothing wrong.
 """
 
 import math
@@ -36,10 +37,14 @@ from .search import FailureSearch, Score, Stratum
 from .shrinking import Trials, minimal_subset, nearest_values, smallest
 from .spaces import NominalMotion, SpaceBuilder, is_feasible, values_at
 
-SAFE_GAP_M, SAFE_TTC_S = 15.0, 5.0
-"""Larger gaps and times to collision are not critical (chosen): critical times to collision are below 3 s."""
-UNAVOIDABLE = 0.25
-"""The score of a failure that no careful driver avoids (chosen): a milder point next to it may be avoidable."""
+SAFE_GAP_S, SAFE_TTC_S = 2.0, 5.0
+"""Larger gaps in time and times to collision are not critical: UN R157's driver sees danger in a time headway below
+2 s. Critical times to collision are below 3 s (5 s is chosen)."""
+UNAVOIDABLE = 0.5
+"""The smallest score of a failure that no careful driver avoids (chosen): a milder point next to it may be avoidable.
+
+If the ego is far from the stratum's own road user, the score is that margin: a car that runs into a braking ego from
+behind says nothing about the encounter that is sought."""
 _FASTEST_MPS = 30.0
 SLOW_MPS, FAST_MPS = 3.0, 10.0
 """Bounds of the speed bands: walking pace, and an urban street's speed (chosen)."""
@@ -129,17 +134,18 @@ def scored(stratum: LogicalScenario, driven: DrivenPoint, recorded: Sequence[int
     if evaluation.outcome == "failed_avoidably":
         speed = evaluation.ego_speed_mps or 0.0
         return PointScore(value=round(-1.0 - speed / _FASTEST_MPS, 4), cell=cell_of(stratum, evaluation, recorded))
+    margin = round(_margin(driven.nearness, lambda key: _is_own(stratum, key, recorded)), 4)
     if evaluation.outcome == "failed_unavoidably":
-        return PointScore(value=UNAVOIDABLE)
-    return PointScore(value=round(_margin(driven.nearness, lambda key: _is_own(stratum, key, recorded)), 4))
+        return PointScore(value=max(margin, UNAVOIDABLE))
+    return PointScore(value=margin)
 
 
 def _margin(near: Nearness | None, counts: Callable[[int], bool]) -> float:
-    """Return the smallest margin between the ego and some road users: 0 at contact, 1 if no road user comes near."""
-    least = None if near is None else near.least(lambda track: counts(track.obstacle_id))
-    if least is None:
+    """Return the smallest margin between the moving ego and some road users: 0 at contact, 1 if no one comes near."""
+    least_s = None if near is None else near.least_s(lambda track: counts(track.obstacle_id))
+    if least_s is None:
         return 1.0
-    gap, soonest = min(least[0], SAFE_GAP_M) / SAFE_GAP_M, least[1]
+    gap, soonest = min(least_s[0], SAFE_GAP_S) / SAFE_GAP_S, least_s[1]
     return (gap + (min(soonest, SAFE_TTC_S) / SAFE_TTC_S if math.isfinite(soonest) else 1.0)) / 2.0
 
 

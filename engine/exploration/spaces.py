@@ -55,6 +55,8 @@ _CROSSING_RAD = math.radians(30.0)
 """A lane crosses the ego's way at a larger angle (chosen)."""
 _SPACING_M = 2.0
 """Distance of the places along the ego's way that are looked at."""
+_BEYOND_M = 5.0
+"""How far the way goes on, straight, beyond the nominal motion: more than the ego's front and a spacing."""
 _EGO_HALF_M, _EGO_FRONT_M = 0.9, 2.3
 """Half of the ego's width and length, rounded up."""
 _CAR_M = 4.6
@@ -131,6 +133,9 @@ class _Way:
         if len(line) < 2:
             heading = float(nominal.headings_rad[0])
             line = np.array([line[0], line[0] + np.array([math.cos(heading), math.sin(heading)])])
+        # The ego's front is ahead of its centre, and so is one who meets it at the end of the way.
+        ending = float(nominal.headings_rad[-1])
+        line = np.concatenate([line, line[-1:] + _BEYOND_M * np.array([[math.cos(ending), math.sin(ending)]])])
         lanes = scene.layout.table.lanes
         found = []
         for station in np.arange(0.0, length_m(line), _SPACING_M):
@@ -149,7 +154,9 @@ class _Way:
     def curves(self, of: str) -> dict[str, Curve]:
         """Return the lanelet at a distance ``of``, and the difference of its station from the distance."""
         starts = [0, *(i for i in range(1, len(self.lanelets)) if self.lanelets[i] != self.lanelets[i - 1])]
-        at = tuple(round(float(self.along[index]), 2) for index in starts)
+        # A lanelet begins where its station is 0, which is up to a spacing before the first place on it.
+        into = np.clip(self.stations, 0.0, np.diff(self.along, prepend=self.along[:1]))
+        at = tuple(round(float(self.along[index] - into[index]), 2) for index in starts)
         origins = tuple(round(float(self.stations[index] - self.along[index]), 2) for index in starts)
         return {
             "lanelet": Curve(of=of, at=at, values=tuple(str(self.lanelets[index]) for index in starts), steps=True),

@@ -248,6 +248,7 @@ CASES: dict[str, Case] = {
             Bad({"scenario_id": "<scenario>", "config": "idn"}, ("idn", "idm")),
             Bad({"scenario_id": "<scenario>", "runs": 0}, ("runs", "from 1")),
             Bad({"scenario_id": "<scenario>", "horizon_s": 600}, ("horizon_s", "30")),
+            Bad({"scenario_id": "<scenario>", "world": "lidarr"}, ("lidarr", "lidar")),
         ),
     ),
     "optimize_planner": Case(

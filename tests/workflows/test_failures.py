@@ -1,21 +1,24 @@
 """Searches for failures on a drawn road, with a planner that never brakes: found, resumed, refused and reduced."""
 
 from collections.abc import AsyncIterator, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import anyio
 import pytest
 from support.artifacts import store_scenario
 from support.builders import driving, town_road
 
 from benchmarks.harness import call_in_process
+from plannerforge.engine.execution.jobs import JobRunner, JobStore
 from plannerforge.engine.workspace import Workspace
-from plannerforge.schemas.errors import NotPossible
+from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.failures import EvaluatedPoint, FailureSearchRecord, FindFailuresArguments
 from plannerforge.schemas.modification import Edit
 from plannerforge.workflows import failures
+from plannerforge.workflows.context import WorkflowContext
 
 BASE = "ZAM_Town-1_1_T-1"
 RUNS = 20
@@ -162,4 +165,50 @@ async def test_a_base_that_fails_already_is_refused_with_its_failure(tmp_path: P
     with pytest.raises(NotPossible, match=r"already fails .* without a change: collided with obstacle 31") as refusal:
         await searched(workspace, progress())
     assert refusal.value.reason.startswith("base_failed")
+    workspace.close()
+
+
+@pytest.mark.anyio
+async def test_a_call_refuses_a_useless_base_that_its_job_opened(tmp_path: Path) -> None:
+    standing = driving(31, (70, 0), 0.0, 151)
+    workspace = workspace_with(tmp_path, town_road().with_vehicles(standing))
+    arguments = FindFailuresArguments(scenario_id=BASE, config="keep_lane", runs=4)
+    async with anyio.create_task_group() as tasks:
+        services = call_in_process(workspace).services
+        jobs = JobRunner(JobStore(workspace.database), tasks)
+        context = WorkflowContext(replace(services, jobs=jobs))
+        with pytest.raises(NotPossible) as refusal:
+            await failures.find_failures(arguments, context)
+    assert refusal.value.reason.startswith("base_failed")
+    (job,) = jobs.store.newest(10)
+    assert job.state == "failed"
+    workspace.close()
+
+
+def test_a_damaged_file_of_a_search_is_passed_over(tmp_path: Path) -> None:
+    workspace = workspace_with(tmp_path)
+    search = failures._search(FindFailuresArguments(scenario_id=BASE, config="keep_lane"), call_in_process(workspace))
+    search.path.parent.mkdir(parents=True, exist_ok=True)
+    search.path.write_text("{")
+    search.resume()
+    assert search.space is None
+    assert search.points == []
+    workspace.close()
+
+
+def test_another_world_is_another_search(tmp_path: Path) -> None:
+    workspace = workspace_with(tmp_path)
+    paths = set()
+    for world in ("perfect", "lidar", "camera"):
+        arguments = FindFailuresArguments(scenario_id=BASE, config="idm", world=world)
+        paths.add(failures._search(arguments, call_in_process(workspace)).path)
+    assert len(paths) == 3
+    workspace.close()
+
+
+def test_a_world_that_the_prediction_does_not_fit_is_refused_before_anything_is_run(tmp_path: Path) -> None:
+    workspace = workspace_with(tmp_path)
+    arguments = FindFailuresArguments(scenario_id=BASE, config="idm", world="lidar", prediction="ground_truth")
+    with pytest.raises(InvalidRequest):
+        failures._search(arguments, call_in_process(workspace))
     workspace.close()

@@ -2,16 +2,21 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
+from commonroad.common.file_reader import CommonRoadFileReader
 from support.builders import driving, town_road
 
 from plannerforge.engine.execution import silent
 from plannerforge.engine.exploration import Evaluator, concrete_edits, evaluate_in_space, open_space
-from plannerforge.engine.exploration.finding import is_same_failure, shrunk
+from plannerforge.engine.exploration.finding import is_same_failure, scored, shrunk
+from plannerforge.engine.exploration.roads import write_road
 from plannerforge.engine.exploration.spaces import values_at
 from plannerforge.engine.tuning import preset_configuration
-from plannerforge.schemas.exploration import Curve, EncounterSetting, LogicalScenario
+from plannerforge.schemas.exploration import Curve, EncounterSetting, Evaluation, LogicalScenario
 from plannerforge.schemas.failures import (
     EvaluatedPoint,
     SearchSpace,
@@ -85,6 +90,30 @@ def test_a_crossing_pedestrian_stands_at_the_kerb_first_and_is_timed_by_the_nomi
     assert walker.first_step == 0
     assert walker.speeds_mps[0] == 0.0
     assert evaluator.evaluate(edits).counterpart_id == walker.obstacle_id  # a planner that never brakes arrives on time
+
+
+def test_a_place_along_the_way_is_on_the_lanelet_that_contains_it(tmp_path: Path) -> None:
+    path = write_road("crossing_straight", tmp_path / "road.xml")
+    setting = EncounterSetting(xml=path, configuration=preset_configuration("keep_lane", None))
+    space = open_space(SpaceRequest(setting=setting, base_id="road"), silent)
+    derived = stratum_of(space, "pedestrian crosses from the right").derived
+    lanelets, origins, driven = derived["lanelet"], derived["origin_m"], derived["along_m"]
+    assert isinstance(lanelets, Curve)
+    assert isinstance(origins, Curve)
+    assert isinstance(driven, Curve)
+    network = CommonRoadFileReader(str(path)).open()[0].lanelet_network
+    assert len(lanelets.at) > 1
+    for place in np.arange(0.0, float(driven.values[-1]), 0.2):
+        station = float(place) + float(origins.value(float(place)))
+        length = float(network.find_lanelet_by_id(int(lanelets.value(float(place)))).distance[-1])
+        assert -0.1 <= station <= length + 0.1
+
+
+def test_a_failure_far_from_the_sought_road_user_draws_no_search_towards_it(space: SearchSpace) -> None:
+    hit_from_behind = Evaluation(outcome="failed_unavoidably", reason="hit from behind", counterpart_id=33, steps=9)
+    far: Any = SimpleNamespace(traffic=SimpleNamespace(moving=(), standing=()), task=None, states=())
+    stratum = stratum_of(space, "pedestrian crosses from the right")
+    assert scored(stratum, hit_from_behind, far, space.recorded).value == 1.0
 
 
 def test_the_score_tells_failures_from_near_and_far_misses_and_from_the_implausible(
