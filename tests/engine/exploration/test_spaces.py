@@ -12,6 +12,7 @@ from support.builders import driving, town_road
 
 from plannerforge.engine.execution import silent
 from plannerforge.engine.exploration import Evaluator, concrete_edits, evaluate_in_space, open_space
+from plannerforge.engine.exploration.evaluation import DrivenPoint
 from plannerforge.engine.exploration.finding import is_same_failure, scored, shrunk
 from plannerforge.engine.exploration.roads import write_road
 from plannerforge.engine.exploration.spaces import values_at
@@ -113,7 +114,7 @@ def test_a_failure_far_from_the_sought_road_user_draws_no_search_towards_it(spac
     hit_from_behind = Evaluation(outcome="failed_unavoidably", reason="hit from behind", counterpart_id=33, steps=9)
     far: Any = SimpleNamespace(traffic=SimpleNamespace(moving=(), standing=()), task=None, states=())
     stratum = stratum_of(space, "pedestrian crosses from the right")
-    assert scored(stratum, hit_from_behind, far, space.recorded).value == 1.0
+    assert scored(stratum, DrivenPoint(hit_from_behind, far), space.recorded).value == 1.0
 
 
 def test_the_score_tells_failures_from_near_and_far_misses_and_from_the_implausible(
