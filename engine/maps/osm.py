@@ -130,8 +130,9 @@ def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
     """Scan and read an extract; leave out references to nodes that it does not contain.
 
     Nodes without a position, or beyond ``SOUTHMOST_DEG`` and ``NORTHMOST_DEG``, are left out. If nodes or ways share an
-    id, the last one is kept. A way over the antimeridian is split there. The document is read element by element, so
-    that only plain values stay in memory.
+    id, the last one is kept, except for a skeleton (Overpass's ``out skel``), which repeats an object without its tags.
+    A way over the antimeridian is split there. The document is read element by element, so that only plain values stay
+    in memory.
 
     Raises:
         UnsafeInput: the file is hostile, broken, too large, not OpenStreetMap XML, or has no road.
@@ -182,10 +183,12 @@ def _read(path: Path) -> tuple[OsmMap, int]:
             elif element.tag == "node":
                 if "lat" in element.attrib and "lon" in element.attrib:  # deleted and unknown nodes have no position
                     node = _node(element)
-                    nodes[node.node_id] = node
+                    if not (node.node_id in nodes and _is_skeleton(element, node.tags)):
+                        nodes[node.node_id] = node
             elif element.tag == "way":
                 way = _way(element)
-                ways[way.way_id] = way
+                if not (way.way_id in ways and _is_skeleton(element, way.tags)):
+                    ways[way.way_id] = way
             elif element.tag == "relation":
                 relations.append(_relation(element))
             else:
@@ -198,6 +201,11 @@ def _read(path: Path) -> tuple[OsmMap, int]:
     parted = _parted_at_antimeridian(whole, nodes)
     lines = tuple(way for way in parted if len(set(way.node_ids)) > 1 or _names_a_place(way))
     return OsmMap(nodes, lines, tuple(relations), bounds, _own_attribution(document.root)), len(beyond)
+
+
+def _is_skeleton(element: Any, tags: Mapping[str, str]) -> bool:
+    """Return True for an object without tags and version; an edited object in a history has a version."""
+    return not tags and "version" not in element.attrib
 
 
 def _names_a_place(way: OsmWay) -> bool:

@@ -230,3 +230,18 @@ def test_a_thousand_lanes_are_not_passed_to_netconvert(tmp_path: Path) -> None:
     first, second = read_osm(tmp_path / "cut.osm").ways
     assert first.tags == {"highway": "primary", "name": "A|B"}
     assert second.tags == usual
+
+
+def test_an_object_that_overpass_repeats_without_its_tags_keeps_them(tmp_path: Path) -> None:
+    crossing = '<node id="2" lat="48.0005" lon="11.0"{}>{}</node>'
+    road = '<way id="1"><nd ref="1"/><nd ref="2"/>{}</way>'
+    signals, residential = tags({"highway": "traffic_signals"}), tags({"highway": "residential"})
+    path = tmp_path / "union.osm"
+    repeated = crossing.format("", signals) + road.format(residential) + crossing.format("", "") + road.format("")
+    path.write_text(f'<osm><node id="1" lat="48.0" lon="11.0"/>{repeated}</osm>', encoding="utf-8")
+    osm = read_osm(path)
+    assert osm.nodes[2].tags == {"highway": "traffic_signals"}
+    assert osm.ways[0].road_class == "residential"
+    edited = crossing.format(' version="1"', signals) + road.format(residential) + crossing.format(' version="2"', "")
+    path.write_text(f'<osm><node id="1" lat="48.0" lon="11.0"/>{edited}</osm>', encoding="utf-8")
+    assert not read_osm(path).nodes[2].tags
