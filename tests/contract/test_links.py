@@ -30,7 +30,10 @@ MAKING: tuple[tuple[str, dict[str, Any]], ...] = (
     ("configure_planner", {"preset": "Comfort", "weights": ["jerk=0.61"]}),
     ("run_planner", {**QUICK, "configs": ["idm"]}),
     ("run_planner", {**QUICK, "configs": ["idm", "idm:Sporty"], "prediction": "ground_truth"}),
-    ("find_failures", {"scenario_id": "<scenario>", "config": "keep_lane", "runs": 16, "wait_s": 50}),
+    (
+        "find_failures",
+        {"scenario_id": "<scenario>", "config": "keep_lane", "runs": 16, "until_first": True, "wait_s": 50},
+    ),
     (
         "optimize_planner",
         {

@@ -305,11 +305,11 @@ CASES: dict[str, Case] = {
     "export_artifacts": Case(
         {"ids": ["<scenario>", "<batch>"], "folder": "<folder>/exported", "formats": ["html"], "overwrite": True},
         (
-            Bad({"ids": ["<scenario>"], "folder": "/etc"}, ("/etc", "PLANNERFORGE_ROOTS")),
+            Bad({"ids": ["<scenario>"], "folder": "/etc"}, ("/etc", "plannerforge-export")),
             Bad({"ids": ["<scenario>x"], "folder": "<folder>/no"}, ("<scenario>",)),
             Bad({"ids": ["<scenario>"], "folder": "<folder>/no", "formats": ["yaml"]}, ("yaml", "xml")),
             Bad({"ids": [], "folder": "<folder>/no"}, ("ids",)),
-            Bad({"ids": ["<scenario>"], "folder": "<folder>/../../../etc"}, ("PLANNERFORGE_ROOTS",)),
+            Bad({"ids": ["<scenario>"], "folder": "<folder>/../../../etc"}, ("plannerforge-export",)),
         ),
     ),
 }

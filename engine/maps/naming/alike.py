@@ -60,6 +60,7 @@ _LONGEST_ENDING = 4
 Of the forms of adjectives in ``-ский`` and ``-ska``, from which most names of streets in Slavic languages are made, no
 ending has more letters in Latin letters.
 """
+_SHORTENED = re.compile(r"\w+(?=\.)")
 SHORTEST_BEGUN = 3
 """Minimum number of letters for the beginning of a name (chosen)."""
 
@@ -79,9 +80,12 @@ def is_abbreviated(typed: str, name: str) -> bool:
     """Return whether the typed text has a name's words, some shortened (``V. del Corso``: ``Via del Corso``).
 
     A shortened word has the first letter of the whole one and some later letters, in order. It ends in a full stop, or
-    another word identifies the name.
+    another word identifies the name. The text may lack a word for the kind of road (``A. Volta``: ``Via Alessandro
+    Volta``).
     """
     words, held = _significant_words(typed), _significant_words(name)
+    if not kinds_of_road(typed):
+        held = tuple(word for word in held if not kinds_of_road(word)) or held
     if len(words) != len(held) or words == held:
         return False
     kept = [word for word, whole in zip(words, held, strict=True) if word == whole and len(word) >= SHORTEST_BEGUN]
@@ -190,10 +194,14 @@ def _shortens(short: str, word: str) -> bool:
 
 @lru_cache(maxsize=MOST_KEPT)
 def _significant_words(name: str) -> tuple[str, ...]:
-    """Return the words of a name in order, without particles; single letters count only as shortened words."""
+    """Return the words of a name in order, without particles; single letters count only as shortened words.
+
+    A word with a full stop is a shortened word and no particle (``Ελ. Βενιζέλου``, although ``el`` is an article).
+    """
     words = words_of_name(name)
     told = without_particles([word for word in words if len(word) > 1])
-    return tuple(word for word in words if len(word) == 1 or word in told)
+    shortened = {word for text in _SHORTENED.findall(name) for word in words_of_name(text)}
+    return tuple(word for word in words if len(word) == 1 or word in told or word in shortened)
 
 
 def is_long_enough(typed: str) -> bool:
@@ -205,8 +213,13 @@ def is_long_enough(typed: str) -> bool:
 
 
 def is_half_of(typed: str, name: str) -> bool:
-    """Return whether a name contains all words of the typed text, of which the last may be incomplete."""
+    """Return whether a name contains all words of the typed text, although the last one may be incomplete.
+
+    The text may have a word for the kind of road that the name lacks (``ul. Reymonta``: ``Władysława Reymonta``).
+    """
     words, held = words_of_name(typed), words_of_name(name)
+    if not kinds_of_road(name):
+        words = tuple(word for word in words if not kinds_of_road(word))
     if not words or not is_long_enough(typed):
         return False
     return all(word in held for word in words[:-1]) and any(one.startswith(words[-1]) for one in held)
