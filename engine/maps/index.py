@@ -133,6 +133,7 @@ _PLACE_FRAME = re.compile(
 _FILE_ENDINGS = re.compile(r"(?:\.(?:osm|pbf|xml|net|xodr|roads|pb|gz|bz2))+$", re.IGNORECASE)
 _HOUSE_NUMBER = re.compile(r"\s+\d+\s?[a-z]?$|^\d+[a-z]?\s+", re.IGNORECASE)
 _DISTRICT_NUMBER = re.compile(r"\s+(?:\d{1,2}(?:e|er|[°º.])?|[ivx]+)$", re.IGNORECASE)
+_HYPHENS = re.compile(r"[-‐‑–]")
 _CROSSING_SIGNS = re.compile(r"[/&+×@]")
 """Signs between the roads of a crossing. A text with one names two roads, so no single name can be like all of it."""
 _WORDS_BEFORE, _WORDS_AFTER = 3, 2
@@ -933,7 +934,18 @@ def _read_place(part: str, facts: MapFacts) -> _Reading | None:
     for keys_of in (place_keys, _framed_keys):
         if (found := _read_place_by_keys(part, facts, keys_of)) is not None:
             return found
-    return _Reading(named=True) if _is_around(part, facts) else None
+    return _read_town_and_district(part, facts) or (_Reading(named=True) if _is_around(part, facts) else None)
+
+
+def _read_town_and_district(part: str, facts: MapFacts) -> _Reading | None:
+    """Read the text as a town and its district with a hyphen between them (``Düsseldorf-Derendorf``)."""
+    for hyphen in _HYPHENS.finditer(part):
+        town, district = part[: hyphen.start()], part[hyphen.end() :]
+        if place_keys(facts.place).isdisjoint(place_keys(town)):
+            continue
+        if (found := _read_place_by_keys(district, facts, place_keys)) is not None:
+            return replace(found, understood=found.understood or (f"{part!r} is read as {cited(district)}",))
+    return None
 
 
 def _is_around(part: str, facts: MapFacts) -> bool:

@@ -60,7 +60,7 @@ _LONGEST_ENDING = 4
 Of the forms of adjectives in ``-ский`` and ``-ska``, from which most names of streets in Slavic languages are made, no
 ending has more letters in Latin letters.
 """
-_SHORTENED = re.compile(r"\w+(?=\.)")
+_WORD_AND_STOP = re.compile(r"(\w+)(\.?)")
 SHORTEST_BEGUN = 3
 """Minimum number of letters for the beginning of a name (chosen)."""
 
@@ -84,8 +84,8 @@ def is_abbreviated(typed: str, name: str) -> bool:
     Volta``).
     """
     words, held = _significant_words(typed), _significant_words(name)
-    if not kinds_of_road(typed):
-        held = tuple(word for word in held if not kinds_of_road(word)) or held
+    if len(words) < len(held) and not any(map(_is_kind, words)):
+        held = tuple(word for word in held if not _is_kind(word)) or held
     if len(words) != len(held) or words == held:
         return False
     kept = [word for word, whole in zip(words, held, strict=True) if word == whole and len(word) >= SHORTEST_BEGUN]
@@ -200,7 +200,7 @@ def _significant_words(name: str) -> tuple[str, ...]:
     """
     words = words_of_name(name)
     told = without_particles([word for word in words if len(word) > 1])
-    shortened = {word for text in _SHORTENED.findall(name) for word in words_of_name(text)}
+    shortened = {word for text, stop in _WORD_AND_STOP.findall(name) if stop for word in words_of_name(text)}
     return tuple(word for word in words if len(word) == 1 or word in told or word in shortened)
 
 
@@ -218,11 +218,16 @@ def is_half_of(typed: str, name: str) -> bool:
     The text may have a word for the kind of road that the name lacks (``ul. Reymonta``: ``Władysława Reymonta``).
     """
     words, held = words_of_name(typed), words_of_name(name)
-    if not kinds_of_road(name):
-        words = tuple(word for word in words if not kinds_of_road(word))
+    if not any(map(_is_kind, held)):
+        words = tuple(word for word in words if not _is_kind(word))
     if not words or not is_long_enough(typed):
         return False
     return all(word in held for word in words[:-1]) and any(one.startswith(words[-1]) for one in held)
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _is_kind(word: str) -> bool:
+    return bool(kinds_of_road(word))
 
 
 @lru_cache(maxsize=MOST_KEPT)

@@ -41,6 +41,16 @@ def test_a_place_without_a_map_is_refused_with_available_ones(wish: dict[str, ob
     assert caught.value.valid
 
 
+@pytest.mark.parametrize("district", ["Musterstadt-Nordviertel", "Musterstadt\u2013Nordviertel"])
+def test_a_district_may_be_joined_to_its_town_by_a_hyphen(district: str) -> None:
+    entry = next(entry for entry in built_in_maps() if entry.facts.place == "Musterstadt")
+    facts = entry.facts.model_copy(update={"places": (*entry.facts.places, "Nordviertel")})
+    maps = [replace(entry, facts=facts)]
+    assert find_maps(maps, place=f"Hauptstraße, {district}")[0].streets == (("Hauptstraße",),)
+    with pytest.raises(UnknownName):
+        find_maps(maps, place=district.replace("Nord", "Süd"))
+
+
 def nameless(**facts: object) -> MapEntry:
     """A map of Musterstadt that does not know its place."""
     entry = next(entry for entry in built_in_maps() if entry.facts.place == "Musterstadt")

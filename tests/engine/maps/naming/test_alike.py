@@ -56,6 +56,8 @@ def test_another_name_is_not_alike(typed: str, name: str) -> None:
         ("Av. D. Pedro I", "Avenida Dom Pedro I"),
         ("Avenida Brig. Luis Antonio", "Avenida Brigadeiro Luís Antônio"),
         ("B-dul Decebal", "Bulevardul Decebal"),
+        ("Ελ. Βενιζέλου", "Λεωφόρος Ελευθερίου Βενιζέλου"),
+        ("A. Volta", "Via Alessandro Volta"),
     ],
 )
 def test_words_may_be_shortened(typed: str, name: str) -> None:
@@ -180,6 +182,8 @@ def test_numbers_of_any_language_are_words_or_figures(words: str) -> None:
         ("la", "Andorra la Vella", False),
         ("ابا ال", "ابا الحنين", True),
         ("中山", "中山北路", True),
+        ("ul. Reymonta", "Władysława Reymonta", True),
+        ("Edge Street", "Edge Lane", False),
         ("ععع", "ععع الحنين", False),
     ],
 )
