@@ -55,7 +55,7 @@ LEAST_SMOOTHING = (1.5, 0.8)
 
 @dataclass(frozen=True)
 class HandoverTrack(Track):
-    """The new track of a vehicle with accelerations, from the recorded state at the hand-over on.
+    """A vehicle's new track with accelerations, starting from the recorded state at the hand-over.
 
     ``leaves``, ``lanes``, ``blocked_by``: as in ``DrivenTrack``.
     """

@@ -118,7 +118,7 @@ def recorded_plan(scene: Scene, vehicle_id: int, cause: Cause, from_step: int) -
 
 
 def sent_on(plan: DrivePlan) -> DrivePlan:
-    """Return the plan of a vehicle that an edit sends somewhere: a vehicle added to stand starts to move."""
+    """Return the plan of a vehicle that an edit sends somewhere; one added at a standstill starts to move."""
     if plan.cause != "added" or plan.manoeuvres != (Manoeuvre(plan.from_step, speed_mps=0.0),):
         return plan
     return replace(plan, manoeuvres=())

@@ -79,7 +79,7 @@ class PoseError:
         return np.asarray(about + self.shift + (points - about) @ _rotation(self.turn_rad).T)
 
     def true(self, points: Points, about: Points) -> Points:
-        """Return the true positions of points that were planned from the position that the ego believes."""
+        """Return the true positions of points that were planned from the pose that the ego believes it has."""
         return np.asarray(about + (points - about - self.shift) @ _rotation(-self.turn_rad).T)
 
 

@@ -57,9 +57,10 @@ class Preset:
 
 @dataclass(frozen=True)
 class PlannerTuning:
-    """Weights by name in order; ``external`` weights are kept but have no effect; presets by name.
+    """The weights, presets and settings that a planner offers for tuning, by name.
 
-    ``first_preset`` is the preset of the planner's bare name; ``idle_settings`` have no effect in this planner.
+    ``external`` weights are stored but have no effect. ``first_preset`` is the preset used if only the planner's name
+    is given. ``idle_settings`` have no effect on this planner.
     """
 
     summary: str

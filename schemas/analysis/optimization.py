@@ -193,12 +193,12 @@ class HeldOut(Model):
 
     @property
     def is_better(self) -> bool:
-        """Whether the gain is shown."""
+        """Whether the comparison shows a significant gain."""
         return self.gain.low > 0 and self.shown
 
     @property
     def is_worse(self) -> bool:
-        """Whether a loss is shown."""
+        """Whether the comparison shows a significant loss."""
         return self.gain.high < 0 and self.shown
 
 

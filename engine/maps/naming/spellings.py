@@ -201,7 +201,7 @@ def _table() -> dict[str, Any]:
 
 
 def words_for_crossings() -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the words of all languages between the two roads of an intersection, and those before both roads."""
+    """Return the words, in all languages, that join two road names (``and``), and those that precede both."""
     return tuple(_table()["joining"]), tuple(_table()["corners"])
 
 

@@ -57,7 +57,7 @@ class Bands:
     left: LaneBand
 
     def off_route(self, station_m: float) -> tuple[bool, bool]:
-        """Return whether the route never changes to the right lane, and never to the left lane, at a station."""
+        """Return, for the right and the left lane, whether the route no longer changes to it after a station."""
         index = min(int(np.searchsorted(self.stations_m, station_m)), len(self.stations_m) - 1)
         return not self.right.is_next[index], not self.left.is_next[index]
 

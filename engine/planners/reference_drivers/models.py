@@ -344,7 +344,7 @@ class FuzzyDriver(_RespondingDriver):
         return self.unsafe_share(gap, moment.own_mps, seen.along_mps) * self.gentle_mps2
 
     def unsafe_share(self, gap_m: float, own_mps: float, front_mps: float) -> float:
-        """Return the proactive metric: 0 if the leader may brake hard, 1 if hard braking would then be insufficient."""
+        """Return the proactive metric if the leader brakes hard: 0 if gentle braking suffices, 1 if hard fails."""
         front_m = max(front_mps, 0.0) ** 2 / (2 * self.front_mps2)
         response_m = own_mps * self.response_s
         safe = response_m + own_mps**2 / (2 * self.gentle_mps2) - front_m + self.margin_m
