@@ -53,7 +53,7 @@ def measure(bench: FailuresBench) -> Figures:
 
 
 def _evaluations(path: Path, planner: str, runs: int) -> tuple[Spent, int]:
-    """Return the time of the evaluations of a search, and their number; or no run if the planner fails in the base."""
+    """Return the time of the evaluations of a search, and their number, 0 if the planner fails in the base."""
     configuration = preset_configuration(planner, None)
     setting = EncounterSetting(xml=path, configuration=configuration, horizon_s=6.0)
     space = open_space(SpaceRequest(setting=setting, base_id=path.stem), silent)
