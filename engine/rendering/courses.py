@@ -56,8 +56,8 @@ def profile(runs: RunSet) -> Drawing:
             )
             marker = "o" if record.outcome == "goal_reached" else "X"
             axes.plot(times[-1], values[-1], marker=marker, color=colour, markersize=11, zorder=5, clip_on=False)
-        low, high = f"{min(steps.speed_mps):.1f}", f"{max(steps.speed_mps):.1f}"
-        speeds = f"{low if low == high else f'{low} to {high}'} m/s over {times[-1]:.1f} s"
+        slowest, fastest = f"{min(steps.speed_mps):.1f}", f"{max(steps.speed_mps):.1f}"
+        speeds = f"{slowest if slowest == fastest else f'{slowest} to {fastest}'} m/s over {times[-1]:.1f} s"
         texts.append(f"{name} ({record.outcome.replace('_', ' ')}): {speeds}")
     for axes in (speed, acceleration):
         axes.grid(color="#E2E2E2", linewidth=0.8)
