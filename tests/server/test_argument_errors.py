@@ -75,7 +75,7 @@ def test_problem_is_named_with_the_nearest_valid_value(given: dict[str, Any], me
 def test_all_problems_are_named_at_once() -> None:
     error = refusal(cout=3, mode="x")
     assert error.message.count(";") == 2
-    for part in ("'place' is missing", "no argument 'cout'", "mode cannot be 'x'"):
+    for part in ("'place' (text) is missing", "no argument 'cout'", "mode cannot be 'x'"):
         assert part in error.message
 
 

@@ -144,7 +144,7 @@ class Sizes(Arguments):
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({"some": []}, "some cannot have 0 elements. Valid: some: a list of 1 to 3 elements."),
+        ({"some": []}, "some cannot be empty. Valid: a list of 1 to 3 elements."),
         ({"some": [1, 2, 3, 4]}, "some cannot have 4 elements"),
         ({"some": [1, "x"]}, "some[1] cannot be 'x'"),
         ({"pair": [1]}, "pair cannot have 1 element"),

@@ -67,21 +67,21 @@ async def test_unknown_field_of_an_object_in_a_list_is_refused_with_the_closest(
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        ({}, "the argument 'text' is missing. Valid: text=text"),
-        ({"text": {"a": 5}}, 'text cannot be {"a": 5}. Valid: text: text'),
+        ({}, "the required argument 'text' (text) is missing"),
+        ({"text": {"a": 5}}, 'text cannot be {"a": 5}. Valid: text.'),
         (
             {"text": "x", "count": "many"},
-            "count cannot be 'many'. Valid: count: a whole number from 1 to 5 (how often)",
+            "count cannot be 'many'. Valid: a whole number from 1 to 5 (how often)",
         ),
         ({"text": "x", "count": 9}, "count cannot be 9"),
-        ({"text": "x", "share": 1}, "cannot be 1. Valid: share: a number above 0 below 1"),
+        ({"text": "x", "share": 1}, "cannot be 1. Valid: a number above 0 below 1"),
         ({"text": "x", "density": "hihg"}, "density cannot be 'hihg'. Valid: high, "),
         ({"text": "x", "tags": [[1]]}, "tags[0] cannot be [1]"),
         ({"text": "x", "edits": [7]}, "edits[0] cannot be 7"),
         ({"text": "x", "edits": [{"op": "rerout"}]}, "edits[0].op cannot be 'rerout'. Valid: reroute, remove"),
-        ({"text": "x", "edits": [{}]}, "the argument 'edits[0].op' is missing. Valid: edits[0].op=remove, reroute"),
+        ({"text": "x", "edits": [{}]}, "the required argument 'edits[0].op' (remove, reroute) is missing"),
         ({"text": "x", "tags": "[broken"}, "tags cannot be '[broken'"),
-        ({"count": 0, "density": "x"}, "'text' is missing; count cannot be 0"),
+        ({"count": 0, "density": "x"}, "'text' (text) is missing; count cannot be 0"),
     ],
 )
 async def test_a_wrong_argument_is_named_with_its_value_and_the_valid_values(

@@ -129,7 +129,7 @@ def test_all_that_makes_a_scenario_is_recorded() -> None:
     changes = {"most_sites": 1, "most_rounds": 1}
     request = request_for(read(conditions=["weather=fog", "others=cut_in"]), site(), 0).model_copy(update=changes)
     unrecorded = GenerationRequest.model_fields.keys() - recipe_of(request).arguments.keys()
-    assert unrecorded == {"map_path", "folder", "benchmark_number", "seed"}
+    assert unrecorded == {"map_path", "folder", "benchmark_number", "seed", "longest_s"}
 
 
 def test_a_request_is_the_same_behind_the_wire() -> None:

@@ -42,16 +42,16 @@ def ladder() -> sqlite3.Connection:
 @pytest.mark.parametrize(
     ("slots", "named"),
     [
-        ({"obstacles": ["truck>=100"]}, "truck counts 40, 39, 38, 37, 36, 35, 34, 33 … (0 to 40)"),
-        ({"obstacles": ["truck=50..60"]}, "truck counts 40, 39"),
-        ({"ego_speed": "60m/s"}, "initial speeds in m/s 40, 39, 38"),
-        ({"road_net": ["lanes>=8"]}, "lanes 6, 5, 4, 3, 2, 1"),
-        ({"road_net": ["speed_limit=90km/h"]}, "limits in km/h 100, 30"),
-        ({"features": ["horizon>=60s"]}, "horizon 5"),
-        ({"tags": ["multi_lane"]}, "tags two_lane"),
-        ({"features": ["intersection"]}, "features "),
-        ({"road_net": ["no_overtaking"]}, "signs on the ego's lane "),
-        ({"country": "UGA"}, "countries USA"),
+        ({"obstacles": ["truck>=100"]}, "truck counts: 40, 39, 38, 37, 36, 35, 34, 33 … (0 to 40)"),
+        ({"obstacles": ["truck=50..60"]}, "truck counts: 40, 39"),
+        ({"ego_speed": "60m/s"}, "initial speeds in m/s: 40, 39, 38"),
+        ({"road_net": ["lanes>=8"]}, "lanes: 6, 5, 4, 3, 2, 1"),
+        ({"road_net": ["speed_limit=90km/h"]}, "limits in km/h: 100, 30"),
+        ({"features": ["horizon>=60s"]}, "horizon: 5"),
+        ({"tags": ["multi_lane"]}, "tags: two_lane"),
+        ({"features": ["intersection"]}, "features: "),
+        ({"road_net": ["no_overtaking"]}, "signs on the ego's lane: "),
+        ({"country": "UGA"}, "countries: USA"),
     ],
 )
 def test_the_nearest_values_are_named_first(ladder: sqlite3.Connection, slots: dict[str, Any], named: str) -> None:
@@ -62,7 +62,7 @@ def test_every_name_that_is_listed_is_carried_by_a_candidate(ladder: sqlite3.Con
     assert note(ladder, country="ARG", road_net=["no_overtaking"]).endswith("no_overtaking")
     listed = note(ladder, road_net=["no_overtaking"]).partition("lane ")[2]
     assert set(listed.split(", ")) == {"stop", "yield", "speed_limit"}
-    assert set(note(ladder, features=["intersection"]).partition("features ")[2].split(", ")) == {"roundabout", "ramp"}
+    assert set(note(ladder, features=["intersection"]).partition("features: ")[2].split(", ")) == {"roundabout", "ramp"}
 
 
 def test_excluded_values_are_not_offered(ladder: sqlite3.Connection) -> None:

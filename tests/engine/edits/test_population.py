@@ -83,8 +83,8 @@ def test_each_of_several_departures_is_reported_if_they_differ(apply: Apply) -> 
     assert alike.outcome.edits[0].what.count("from 0.0 s") == 1
     row = CAR | {"at": "1", "position": "80m", "count": 2, "spacing_m": 12, "time_s": 1.0}
     first, second = apply(row, dry_run=True).outcome.edits[0].what.split("; ")
-    assert "101: 10.0 m/s, from 1.5 s (requested: 1 s" in first
-    assert second.startswith("102: 10.0 m/s, from 1.0 s (as vehicle 31")
+    assert "101: 10 m/s, from 1.5 s (requested: 1 s" in first
+    assert second.startswith("102: 10 m/s, from 1.0 s (as vehicle 31")
 
 
 @pytest.mark.parametrize(("offset_m", "largest_m"), [(-50, "-40.0"), (300, "+260.0"), (1e308, "+260.0")])
@@ -300,7 +300,7 @@ def test_a_vehicle_without_departure_enters_when_the_ego_starts(apply: Apply) ->
 
 def test_an_added_vehicle_tells_its_speed_place_and_gaps(apply: Apply) -> None:
     what = apply(CAR | {"at": "ego", "offset_m": 12}, builder=SHORT, dry_run=True).outcome.edits[0].what
-    assert "(from ego, 12 m ahead)" in what
+    assert "(12 m ahead of the ego)" in what
     gaps = r"gaps: [\d.]+ m \([\d.]+ s\) to vehicle \d+ ahead, [\d.]+ m \([\d.]+ s\) to the ego behind"
     assert re.search(rf"m/s, from 0.0 s \(as vehicle \d+, the nearest in the lane\), {gaps}", what)
     alone = apply(CAR | {"at": "3", "speed": "5m/s"}, builder=SHORT, dry_run=True).outcome.edits[0].what

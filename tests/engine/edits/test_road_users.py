@@ -103,9 +103,9 @@ def walker(folder: Path, **arguments: object) -> Applied:
 @pytest.mark.parametrize(
     ("arguments", "what", "walked_m"),
     [
-        ({"position": "30m"}, "walks along lanelet 1 from 30.0 m, 1.4 m/s", 5.6),
-        ({"position": "30m", "offset_m": 5.0}, "walks along lanelet 1 from 35.0 m, 1.4 m/s", 5.6),
-        ({"position": "30m", "speed": "0m/s"}, "stands on lanelet 1 at 30.0 m, 0.0 m/s", 0.0),
+        ({"position": "30m"}, "walks along lanelet 1 from 30.0 m at 1.4 m/s", 5.6),
+        ({"position": "30m", "offset_m": 5.0}, "walks along lanelet 1 from 35.0 m at 1.4 m/s", 5.6),
+        ({"position": "30m", "speed": "0m/s"}, "stands on lanelet 1 at 30.0 m at 0 m/s", 0.0),
     ],
 )
 def test_a_pedestrian_on_a_footpath_walks_along_it_or_stands(

@@ -29,7 +29,7 @@ def test_all_road_users_keep_their_recording(tmp_path: Path, version: str) -> No
     result = tried(builder, tmp_path)
     assert result.road_users == 9
     # BESIDE leaves the road at step 11, where libsumo may crash over a vehicle that it still holds: out for that step
-    assert result.missing == ((BESIDE.vehicle_id, 11),)
+    assert result.missing == ()
     assert result.position_error_m <= 0.01
     assert result.speed_error_mps <= 0.01
 

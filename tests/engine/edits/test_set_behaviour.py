@@ -140,7 +140,7 @@ def test_a_value_out_of_range_is_refused_with_the_range(apply: Apply, text: str)
     with pytest.raises(InvalidRequest, match="out of range") as caught:
         apply({"op": "set_behaviour", "vehicles": ["31"], "params": [text]})
     nearest, in_range = caught.value.valid
-    assert " in " in in_range
+    assert in_range[-1].isdigit()
     assert apply({"op": "set_behaviour", "vehicles": ["31"], "params": [nearest]}).outcome.edits[0].done
 
 
