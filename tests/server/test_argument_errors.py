@@ -55,15 +55,15 @@ def test_good_arguments_become_their_model() -> None:
         ({"place": "B", "Cuont": 1}, "there is no argument 'Cuont'", "count"),
         ({"place": "B", "kinds": ["trcuk"]}, "kinds[0] cannot be 'trcuk'", "truck"),
         ({"place": "B", "mode": "slow"}, "mode cannot be 'slow'", "auto"),
-        ({"place": "B", "count": 2.5}, "count cannot be 2.5", "count: a whole number from 1 to 50"),
-        ({"place": "B", "limits": [1, "x"]}, "limits[1] cannot be 'x'", "limits[1]: a number"),
+        ({"place": "B", "count": 2.5}, "count cannot be 2.5", "a whole number from 1 to 50"),
+        ({"place": "B", "limits": [1, "x"]}, "limits[1] cannot be 'x'", "a number"),
         (
             {"place": "B", "changes": [{"op": "add", "position_m": -11}]},
             "changes[0].position_m cannot be -11",
-            "changes[0].position_m: a number of at least -10 (along the lane)",
+            "a number of at least -10",
         ),
         ({"place": "B", "changes": [{"op": "add"}, 7]}, "changes[1] cannot be 7", None),
-        ({"place": "Atlantis"}, "place: no map holds 'Atlantis' (given: 'Atlantis')", "place: text"),
+        ({"place": "Atlantis"}, "place: no map holds 'Atlantis' (given: 'Atlantis')", "text"),
     ],
 )
 def test_problem_is_named_with_the_nearest_valid_value(given: dict[str, Any], message: str, valid: str | None) -> None:

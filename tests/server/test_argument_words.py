@@ -96,7 +96,7 @@ def test_no_argument_of_a_tool_is_refused_in_words_of_pydantic(value: Any) -> No
     assert {place: words for place, text in told.items() if (words := leaked(text))} == {}
     for (_, held_by, name), text in told.items():
         assert (held_by or name) in text
-        assert "Valid: " in text
+        assert "Valid: " in text or "is missing" in text
         assert ". Next: " in text
         assert len(text) < 3000
 
@@ -108,7 +108,7 @@ def test_a_tried_call_differs_from_a_good_one_in_one_argument() -> None:
         name = next(iter(spec.arguments_type.model_fields))
         good = called_with("x", spec.arguments_type, "", name)
         told = refusal(spec.arguments_type, {key: value for key, value in good.items() if key != name})
-        assert not told or f"'{name}' is missing" in told
+        assert not told or f"'{name}' (" in told and "is missing" in told
 
 
 class Anything(Model):
@@ -148,7 +148,7 @@ class Sizes(Arguments):
         ({"some": [1, 2, 3, 4]}, "some cannot have 4 elements"),
         ({"some": [1, "x"]}, "some[1] cannot be 'x'"),
         ({"pair": [1]}, "pair cannot have 1 element"),
-        ({"many": []}, "many cannot have 0 elements"),
+        ({"many": []}, "many cannot be empty"),
         ({"few": ["a", "b", "c"]}, "few cannot have 3 elements"),
         ({"word": "a"}, "word cannot have 1 character"),
         ({"word": "ABC"}, "word cannot be 'ABC'"),

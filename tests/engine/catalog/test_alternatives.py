@@ -60,7 +60,7 @@ def test_the_nearest_values_are_named_first(ladder: sqlite3.Connection, slots: d
 
 def test_every_name_that_is_listed_is_carried_by_a_candidate(ladder: sqlite3.Connection) -> None:
     assert note(ladder, country="ARG", road_net=["no_overtaking"]).endswith("no_overtaking")
-    listed = note(ladder, road_net=["no_overtaking"]).partition("lane ")[2]
+    listed = note(ladder, road_net=["no_overtaking"]).partition("lane: ")[2]
     assert set(listed.split(", ")) == {"stop", "yield", "speed_limit"}
     assert set(note(ladder, features=["intersection"]).partition("features: ")[2].split(", ")) == {"roundabout", "ramp"}
 
@@ -70,4 +70,4 @@ def test_excluded_values_are_not_offered(ladder: sqlite3.Connection) -> None:
 
 
 def test_places_are_only_the_searched_ones(ladder: sqlite3.Connection) -> None:
-    assert note(ladder, within=["ARG_Town-1_1_T-1"], country="JPN").endswith("countries ARG")
+    assert note(ladder, within=["ARG_Town-1_1_T-1"], country="JPN").endswith("countries: ARG")

@@ -28,7 +28,7 @@ def test_all_road_users_keep_their_recording(tmp_path: Path, version: str) -> No
     builder = replace(town.with_vehicles(*town.vehicles, WALKER, BESIDE, ARRIVES), parked=(PARKED,), version=version)
     result = tried(builder, tmp_path)
     assert result.road_users == 9
-    # BESIDE leaves the road at step 11, where libsumo may crash over a vehicle that it still holds: out for that step
+    # BESIDE leaves the road at step 11: it is replaced by a new vehicle, because libsumo may crash over the old one.
     assert result.missing == ()
     assert result.position_error_m <= 0.01
     assert result.speed_error_mps <= 0.01
