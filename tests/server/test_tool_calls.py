@@ -69,10 +69,7 @@ async def test_unknown_field_of_an_object_in_a_list_is_refused_with_the_closest(
     [
         ({}, "the required argument 'text' (text) is missing"),
         ({"text": {"a": 5}}, 'text cannot be {"a": 5}. Valid: text.'),
-        (
-            {"text": "x", "count": "many"},
-            "count cannot be 'many'. Valid: a whole number from 1 to 5 (how often)",
-        ),
+        ({"text": "x", "count": "many"}, "count cannot be 'many'. Valid: a whole number from 1 to 5 (how often)"),
         ({"text": "x", "count": 9}, "count cannot be 9"),
         ({"text": "x", "share": 1}, "cannot be 1. Valid: a number above 0 below 1"),
         ({"text": "x", "density": "hihg"}, "density cannot be 'hihg'. Valid: high, "),

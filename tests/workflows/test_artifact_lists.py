@@ -30,7 +30,7 @@ async def test_a_job_s_line_ends_with_its_start_and_counts_the_parents_that_it_l
     job, _ = store.start("batch", Recipe(tool="run_planner", parents=tuple(f"ZAM_A-{one}_1_T-1" for one in range(6))))
     store.start("study", Recipe(tool="optimize_planner"))
     (line,), _ = await _lines(connect, kind="job", text="run_planner")
-    assert line.startswith(f"job {job.job_id}")
+    assert line.startswith(job.job_id)
     assert " and 2 more, 20" in line
     assert line.endswith("Z")
     assert len((await _lines(connect, kind="job"))[0]) == 2

@@ -44,7 +44,7 @@ def test_every_finding_names_a_moment_of_each_of_its_runs(tmp_path: Path) -> Non
 def test_main_failure_has_both_denominators() -> None:
     runs = [source(record(f"ZAM_{n}-1_1_T-1", "collision" if n < 2 else "timeout")) for n in range(3)]
     finding = found(*runs, source(record()))["main_failure"]
-    assert finding.statement == "collision in 2 of 3 failures, 2 of 4 valid runs."
+    assert finding.statement == "collision in 2 of 3 failures and 2 of 4 valid runs."
     assert finding.run_ids == tuple(run.record.run_id for run in runs[:2])
 
 

@@ -203,4 +203,4 @@ def test_all_participants_together_can_be_counted() -> None:
     search = Search(catalogue([quiet]), FindScenariosArguments(obstacles=["participants>=20"]))
     emptied = search.answer("search", search.find(None), None).emptied_by
     assert emptied is not None
-    assert "numbers of participants 3" in emptied.note
+    assert "numbers of participants: 3" in emptied.note

@@ -65,11 +65,11 @@ def test_a_single_facet_lists_unused_values_with_0(three: sqlite3.Connection) ->
 def test_unused_values_of_all_facets_are_in_a_note(three: sqlite3.Connection) -> None:
     found = notes(three, "all")
     assert found["tags"] == f"unused: {', '.join(tag for tag in TAGS if tag not in ('urban', 'critical'))}"
-    assert found["obstacles"] == f"scenarios with any; {len(OBSTACLE_TYPES) - 3} types unused"
+    assert found["obstacles"] == f"scenarios with at least one; {len(OBSTACLE_TYPES) - 3} types unused"
     assert found["places"] == ""
     # On the maps: stop, yield and a light; speed_limit is a sign that limits stand for.
     missing = {*SIGNS, "traffic_light"} - {"stop", "yield", "traffic_light", "speed_limit"}
-    assert found["road_net"] == f"ego's lane, or @map; {len(missing)} keys unused"
+    assert found["road_net"] == f"on the ego's lane, or anywhere with @map; {len(missing)} keys unused"
 
 
 def test_signs_are_counted_on_the_ego_s_lane_and_on_the_map(three: sqlite3.Connection) -> None:
@@ -78,7 +78,7 @@ def test_signs_are_counted_on_the_ego_s_lane_and_on_the_map(three: sqlite3.Conne
     on_lane = {"stop": 1, "speed_limit": 2}
     assert held == on_lane | {"stop@map": 2, "yield@map": 1, "traffic_light@map": 1, "speed_limit@map": 1}
     assert {*SIGNS, "traffic_light"} <= {name.removesuffix("@map") for name in whole}
-    assert notes(three, "road_net")["road_net"] == "ego's lane, or @map"
+    assert notes(three, "road_net")["road_net"] == "on the ego's lane, or anywhere with @map"
 
 
 def test_only_requested_facets_are_counted(three: sqlite3.Connection) -> None:

@@ -29,7 +29,7 @@ def test_it_enters_more_slowly_if_it_would_collide_at_once(
     applied = apply(added, builder=builder)
     assert applied.outcome.collisions == ()
     assert float(applied.tracks()[101].speeds_mps[0]) == pytest.approx(float(slower))
-    assert f"{slower} m/s, from 0.0 s" in applied.outcome.edits[0].what
+    assert f"{float(slower):g} m/s from 0 s" in applied.outcome.edits[0].what
     why = "because it would collide with vehicle 31"
     assert f"vehicle 101 enters with {slower} instead of {usual} m/s, {why}" in applied.outcome.warnings
 

@@ -150,4 +150,4 @@ def test_two_that_fit_alike_are_refused_with_both(apply: Apply, word: str) -> No
 def test_the_answer_states_the_meaning_of_a_class_word(apply: Apply) -> None:
     edit = {"op": "remove_vehicle", "vehicles": ["one:lorry"]}
     told = apply(edit, builder=town_road().cut(11), dry_run=True).outcome.edits[0].meant
-    assert told.startswith("one:lorry ('lorry' read as truck): 33 truck")
+    assert told.startswith("one:lorry ('lorry' read as truck): truck 33")
