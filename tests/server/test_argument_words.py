@@ -108,7 +108,7 @@ def test_a_tried_call_differs_from_a_good_one_in_one_argument() -> None:
         name = next(iter(spec.arguments_type.model_fields))
         good = called_with("x", spec.arguments_type, "", name)
         told = refusal(spec.arguments_type, {key: value for key, value in good.items() if key != name})
-        assert not told or f"'{name}' (" in told and "is missing" in told
+        assert not told or (f"'{name}' (" in told and "is missing" in told)
 
 
 class Anything(Model):
