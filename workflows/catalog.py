@@ -198,7 +198,7 @@ def _planners() -> FacetCounts:
             planners_of.setdefault(", ".join(others), []).append(name)
     presets = "; ".join(f"{presets} of {', '.join(names)}" for presets, names in planners_of.items())
     counts = dict.fromkeys(planner_names(), 0)
-    return FacetCounts(facet="planners", counts=counts, note=f"PLANNER:PRESET; presets besides Default: {presets}")
+    return FacetCounts(facet="planners", counts=counts, note=f"PLANNER:PRESET, with Default or {presets}")
 
 
 async def find_scenarios(arguments: FindScenariosArguments, context: WorkflowContext) -> FindScenariosResult:

@@ -224,8 +224,8 @@ def _skipped_kinds(
     kinds = Counter(_kind_in_words(entry) for entry in others if not context.workspace.owns(entry))
     if not kinds:
         return ""
-    shown = ", ".join(f"{count} {ending}" for ending, count in kinds.most_common(_KINDS_SHOWN))
-    more = f", others {sum(kinds.values()) - sum(count for _, count in kinds.most_common(_KINDS_SHOWN))}"
+    shown = ", ".join(f"{ending} ({count})" for ending, count in kinds.most_common(_KINDS_SHOWN))
+    more = f", others ({sum(kinds.values()) - sum(count for _, count in kinds.most_common(_KINDS_SHOWN))})"
     protobuf = f"; {_PROTOBUF}" if kinds[PROTOBUF_ENDING] else ""
     return f"skipped files: {shown}{more if len(kinds) > _KINDS_SHOWN else ''}{protobuf}"
 
@@ -234,7 +234,7 @@ def _kind_in_words(path: Path) -> str:
     if not is_utf8(str(path)):
         return "names that are not UTF-8"
     if not os.access(path, os.R_OK):
-        return "files that may not be read"
+        return "not readable"
     return one_line(path.suffix.lower())[:_LONGEST_ENDING] or "without ending"
 
 

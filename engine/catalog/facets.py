@@ -108,9 +108,7 @@ def _road_net(
     limits = connection.execute("SELECT kmh, number FROM catalog_limits WHERE scope = 'ego'").fetchall()
     posted = _counted([f"{row[0]:g}" for row in limits if row[1] in numbers])
     with_limit = len({row[1] for row in limits if row[1] in numbers})
-    note = "on the ego's lane, or anywhere with @map" + (
-        "" if whole or not none else f"; {counted(len(none), 'key')} unused"
-    )
+    note = "on the ego's lane; @map: anywhere" + ("" if whole or not none else f"; {counted(len(none), 'key')} unused")
     shown = {**on_ego, **on_map, **extra} if whole else _first(on_ego, KEYS_SHOWN) | _first(on_map, KEYS_SHOWN)
     limit_note = "; ".join(_about_limits(posted, with_limit, len(posted) if whole else LIMITS_SHOWN))
     posted = posted if whole else _first(posted, LIMITS_SHOWN)

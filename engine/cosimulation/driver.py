@@ -162,7 +162,7 @@ def _read(text: str, values: Mapping[str, float]) -> Assignment:
     if name in PARAMETERS:
         raise InvalidRequest(
             f"{name} needs a number",
-            valid=[f"{name} in {PARAMETERS[name]}"],
+            valid=[f"{name} {PARAMETERS[name]}"],
             next_step=f"write '{name}=NUMBER'",
             remedies=[instead(text, f"{name}={values[name]:g}")],
         )
@@ -172,7 +172,7 @@ def _read(text: str, values: Mapping[str, float]) -> Assignment:
         named = re.split(r"[\s=*+:-]", name, maxsplit=1)[0]
         if named not in PARAMETERS:
             raise
-        raise refusal.with_valid(f"{named} in {PARAMETERS[named]}") from refusal
+        raise refusal.with_valid(f"{named} {PARAMETERS[named]}") from refusal
 
 
 def _assigned(values: Mapping[str, float], assignment: Assignment, text: str) -> float:
@@ -180,7 +180,7 @@ def _assigned(values: Mapping[str, float], assignment: Assignment, text: str) ->
     if allowed is None:
         raise UnknownName(
             f"there is no behaviour parameter '{assignment.name}'",
-            valid=[f"{name} in {PARAMETERS[name]}" for name in closest(assignment.name, PARAMETERS)],
+            valid=[f"{name} {PARAMETERS[name]}" for name in closest(assignment.name, PARAMETERS)],
             next_step="set one of these",
         )
     if assignment.operand is None:

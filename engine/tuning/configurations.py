@@ -106,7 +106,7 @@ def _names_elsewhere() -> dict[str, str]:
         tuning = tuning_of(other)
         for name in dict.fromkeys((*tuning.weights, *tuning.external)):
             owners.setdefault(name, []).append(other)
-    names = {name: f"but of {' and '.join(planners)}" for name, planners in owners.items()}
+    names = {name: f"but of {', '.join(planners)}" for name, planners in owners.items()}
     return names | dict.fromkeys(known_settings(), "but a setting; pass it in settings")
 
 

@@ -32,7 +32,13 @@ CASES: tuple[tuple[str, dict[str, Any], tuple[str, ...]], ...] = (
     (
         "configure_planner",
         {"preset": "fast", "weights": ["jerk=purple", "lateral_jrk=1"], "settings": ["vehicle=9"]},
-        ("4 errors", "no preset 'fast'", "'purple'", "lateral_jerk", "vehicle from 1 to 4"),
+        (
+            "4 errors",
+            "no preset 'fast'",
+            "'purple' in 'jerk=purple' is neither a number",
+            "lateral_jerk",
+            "vehicle from 1 to 4",
+        ),
     ),
     (
         "find_scenarios",

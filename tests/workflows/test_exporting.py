@@ -113,7 +113,7 @@ async def test_a_scenario_is_exported_for_other_tools_with_its_roads(settings: S
         assert "lost: 1 goal" in text
         taken = await client.call_tool("export_artifacts", arguments)
         assert taken.is_error
-        assert "already there" in taken.content[0].text  # type: ignore[union-attr]
+        assert "2 files already exist: " in taken.content[0].text  # type: ignore[union-attr]
 
 
 async def test_a_run_has_no_roads_to_export(settings: Settings, tmp_path: Path) -> None:

@@ -70,7 +70,7 @@ async def test_a_compressed_scenario_is_imported_and_other_compressed_xml_is_ski
         found = answer.structured_content or {}
         assert [item["kind"] for item in found["items"]] == ["scenario"]
         assert found["refused"] == 0
-        assert ".gz 1" in found["note"]
+        assert ".gz (1)" in found["note"]
         (folder / "road.xml").write_text(town_road().xml(), encoding="utf-8")
         again = await client.call_tool("import_files", {"path": str(folder / "road.xml")})
         assert (again.structured_content or {})["reused"] == 1
@@ -93,7 +93,7 @@ async def test_another_user_s_file_is_skipped_and_reported_and_refused_alone(
         assert "is not readable" in str(alone.content)
         answer = await client.call_tool("import_files", {"path": str(folder)})
         assert "Fahrhausen" in str(answer.content)
-        assert "may not be read 1" in (answer.structured_content or {})["note"]
+        assert "not readable (1)" in (answer.structured_content or {})["note"]
 
 
 async def test_files_with_names_that_are_not_utf8_are_skipped_and_reported(connect: Connect, tmp_path: Path) -> None:
@@ -104,8 +104,8 @@ async def test_files_with_names_that_are_not_utf8_are_skipped_and_reported(conne
     async with connect() as client:
         nothing = await client.call_tool("import_files", {"path": str(folder)})
         assert "[invalid_request]" in str(nothing.content)
-        assert "not UTF-8 1" in str(nothing.content)
+        assert "not UTF-8 (1)" in str(nothing.content)
         (folder / "town.osm").write_bytes(town)
         answer = await client.call_tool("import_files", {"path": str(folder)})
         assert "Fahrhausen" in str(answer.content)
-        assert "not UTF-8 1" in (answer.structured_content or {})["note"]
+        assert "not UTF-8 (1)" in (answer.structured_content or {})["note"]

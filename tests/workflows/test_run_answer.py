@@ -54,7 +54,7 @@ def test_a_grid_is_reported_with_rates_and_then_failures_only() -> None:
     said = answer(cells_of(runs), [CellResult(run) for run in runs], batch_id="batch_1")
     lines = said.to_text().splitlines()
     assert lines[0] == "batch_1: 6 of 6 runs finished."
-    assert lines[1].endswith("goal 1 of 5; collision 2; timeout 1; off_road 1; invalid, not counted: 1")
+    assert lines[1].endswith("goal 1 of 5; collision 2; timeout 1; off road 1; invalid, not counted: 1")
     assert lines[2] == "4 failed:"
     assert [line.split()[3] for line in lines[3:6]] == ["ZAM_T-1_1_T-1", "ZAM_T-2_1_T-1", "ZAM_T-3_1_T-1"]
     assert lines[6] == "… 1 more: analyze_results with where=['!outcome=goal_reached'], detail=rows"

@@ -134,13 +134,22 @@ def test_an_unknown_preset_is_refused_with_the_six(apply: Apply) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["tau=-1", "tau=0", "sigma=1.5", "accel=0", "decel=99", "lcKeepRight=-0.1", "minGap-5"]
+    ("text", "allowed"),
+    [
+        ("tau=-1", "tau above 0 up to 10"),
+        ("tau=0", "tau above 0 up to 10"),
+        ("sigma=1.5", "sigma from 0 to 1"),
+        ("accel=0", "accel above 0 up to 15"),
+        ("decel=99", "decel above 0 up to 15"),
+        ("lcKeepRight=-0.1", "lcKeepRight from 0 to 100"),
+        ("minGap-5", "minGap from 0 to 50"),
+    ],
 )
-def test_a_value_out_of_range_is_refused_with_the_range(apply: Apply, text: str) -> None:
+def test_a_value_out_of_range_is_refused_with_the_range(apply: Apply, text: str, allowed: str) -> None:
     with pytest.raises(InvalidRequest, match="out of range") as caught:
         apply({"op": "set_behaviour", "vehicles": ["31"], "params": [text]})
     nearest, in_range = caught.value.valid
-    assert in_range[-1].isdigit()
+    assert in_range == allowed
     assert apply({"op": "set_behaviour", "vehicles": ["31"], "params": [nearest]}).outcome.edits[0].done
 
 

@@ -98,7 +98,7 @@ def test_they_are_copied_byte_for_byte(edit: EditBase) -> None:
 
 def test_road_users_that_are_not_seen_are_named(edit: EditBase) -> None:
     told = edit({"op": "set_speed", "vehicles": ["32"], "speed": "5m/s"}, builder=AWAY).outcome.warnings
-    assert any("do not see them: 31" in one for one in told)
+    assert any("driven vehicles do not see 31, because" in one for one in told)
     assert any("phantom" in one and one.endswith(": 77") for one in told)
 
 

@@ -94,8 +94,8 @@ def test_a_value_that_is_not_a_number_is_refused_with_the_range_of_its_name(valu
 
 def test_weights_of_the_other_planner_and_settings_among_weights_are_named() -> None:
     for planner, text, says in (
-        ("idm", "jerk=1", "but of frenetix and fiss"),
-        ("frenetix", "time_headway_s=1", "it is a weight of idm"),
+        ("idm", "jerk=1", "but of frenetix, fiss"),
+        ("frenetix", "time_headway_s=1", "but of idm"),
         ("idm", "horizon_s=4", "pass it in settings"),
     ):
         with pytest.raises(UnknownName, match=says):
