@@ -163,7 +163,7 @@ def paired_shares(flips: Iterable[tuple[str, int]]) -> PairedShares:
 
 
 def _sign_flips(totals: Sequence[int]) -> float:
-    """Return the two-sided p of a sum of totals, each of which could have the opposite sign; 1 if all totals are 0."""
+    """Return the two-sided p of a sum of totals that could each have the opposite sign; 1 if all totals are 0."""
     sizes = np.array([abs(total) for total in totals if total], dtype=float)
     if not len(sizes):
         return 1.0

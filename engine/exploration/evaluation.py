@@ -62,7 +62,7 @@ prescribed road users do not brake.
 """
 _RECORDED = "recorded"
 _WITH_NEARNESS = ("safe", "failed_unavoidably")
-"""Outcomes whose points a search scores by how near other road users came."""
+"""Outcomes that a search scores by how near other road users came."""
 
 
 @dataclass(frozen=True)

@@ -601,7 +601,7 @@ def _letters_of_names(facts: MapFacts) -> tuple[dict[str, str], dict[str, str]]:
     names = dict.fromkeys(
         (*facts.streets, *facts.places, *areas, *(one for names in facts.road_names for one in names))
     )
-    pairs = {name[:LONGEST_TEXT]: _letters(name[:LONGEST_TEXT]) for name in names if len(place_parts(name)) == 1}
+    pairs = {name[:LONGEST_TEXT]: _letters(name[:LONGEST_TEXT]) for name in names if _is_single(name)}
     return {name: pair[0] for name, pair in pairs.items()}, {name: pair[1] for name, pair in pairs.items()}
 
 

@@ -118,7 +118,7 @@ class PairedRun(Model):
 class Flip(Model):
     """A scenario in which only one side succeeded.
 
-    ``why`` says who hit whom in a collision and what would prevent it.
+    ``why`` describes a collision and what would prevent it.
     """
 
     scenario_id: str

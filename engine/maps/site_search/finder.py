@@ -237,7 +237,7 @@ class SiteFinder:
             return []
         signals = self._signals(self._with_links)
         spots = []
-        for meeting in meetings_of(self.osm, self._roads, one, other):
+        for meeting in meetings_of(self.osm, self._roads, one, other, MERGE_M):
             for key in meeting.nodes:
                 node = self.osm.nodes[key]
                 if not self._with_links.is_junction(key) or (kind == "urban" and self._far_from_houses(node)):

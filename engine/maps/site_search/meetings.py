@@ -13,9 +13,6 @@ from ..osm import OsmMap, OsmWay, ground_distance_m
 from ..road_classes import LINKS
 from .rings import RING_TAGS
 
-WITHIN_M = 60.0
-"""Maximum length of the connecting roads: junctions within this distance are one site (``finder.MERGE_M``)."""
-
 
 @dataclass(frozen=True)
 class Meeting:
@@ -26,11 +23,15 @@ class Meeting:
 
 
 def meetings_of(
-    osm: OsmMap, roads: Iterable[OsmWay], one: Callable[[OsmWay], bool], other: Callable[[OsmWay], bool]
+    osm: OsmMap,
+    roads: Iterable[OsmWay],
+    one: Callable[[OsmWay], bool],
+    other: Callable[[OsmWay], bool],
+    within_m: float,
 ) -> list[Meeting]:
     """Return where the roads of one street meet those of another one, the nearest first.
 
-    The way between them is at most ``WITHIN_M`` long and uses only links, rings and roads without a name: a named road
+    The way between them is at most ``within_m`` long and uses only links, rings and roads without a name: a named road
     that crosses both is a street of its own.
     """
     at: dict[int, list[OsmWay]] = {}
@@ -39,11 +40,11 @@ def meetings_of(
             at.setdefault(key, []).append(road)
     starts = [key for key, ways in at.items() if any(map(one, ways))]
     ends = {key for key, ways in at.items() if any(map(other, ways))}
-    return [Meeting(path, _roads_at(path, at)) for path in _paths(osm, at, starts, ends)]
+    return [Meeting(path, _roads_at(path, at)) for path in _paths(osm, at, starts, ends, within_m)]
 
 
 def _paths(
-    osm: OsmMap, at: Mapping[int, Sequence[OsmWay]], starts: Sequence[int], ends: set[int]
+    osm: OsmMap, at: Mapping[int, Sequence[OsmWay]], starts: Sequence[int], ends: set[int], within_m: float
 ) -> list[tuple[int, ...]]:
     """Return the shortest path to each of the ends that can be reached, in the order of their lengths."""
     waiting: list[tuple[float, int, tuple[int, ...]]] = [(0.0, key, (key,)) for key in starts]
@@ -66,7 +67,7 @@ def _paths(
                     continue
                 onward = after if key == before else before
                 further_m = gone_m + ground_distance_m(osm.nodes[key].position, osm.nodes[onward].position)
-                if onward not in seen and further_m <= WITHIN_M:
+                if onward not in seen and further_m <= within_m:
                     heappush(waiting, (further_m, onward, (*path, onward)))
     return paths
 
