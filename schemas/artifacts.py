@@ -76,13 +76,14 @@ class BatchSummary(Model):
     )
 
     def in_words(self) -> str:
-        """Return text such as ``recorded traffic, 25 scenarios: Default 18/25 = 72% (95%: 52–86%)``."""
+        """Return text such as ``recorded traffic, 25 scenarios: goal reached by Default 18/25 = 72%``."""
         shown = [f"{one.config_name} {one.success.in_words()}" for one in self.configs[:_MOST_CONFIGS]]
         left_out = len(self.configs) - len(shown)
         more = [f"{counted(left_out, 'configuration')} more"] if left_out else []
         invalid = sum(one.invalid for one in self.configs)
         apart = [f"{invalid} invalid"] * bool(invalid) + [f"{self.lost} lost"] * bool(self.lost)
-        rates = ", ".join([*shown, *more, *apart]) or "no run"
+        rates = ", ".join([*shown, *more, *apart])
+        rates = f"goal reached by {rates}" if shown else rates or "no run"
         prediction = self.prediction.replace("_", " ")
         world = "" if self.world == PERFECT_NAME else f", world {self.world}"
         return f"{prediction}, {self.traffic} traffic{world}, {counted(self.scenarios, 'scenario')}: {rates}"

@@ -217,7 +217,9 @@ def _in_words(schema: Mapping[str, Any]) -> str:
     form = f" that matches {schema['pattern']}" if "pattern" in schema else ""
     bounds = [(key, word) for key, word in _BOUNDS if key in schema]
     if len(bounds) == 1:
-        bounds = [(key, {"from": "of at least", "to": "of at most"}.get(word, word)) for key, word in bounds]
+        key = bounds[0][0]
+        if key in _OPEN_ENDED:
+            return f"{words}, {_number(schema[key])} or {_OPEN_ENDED[key]}{form}"
     return " ".join([words, *(f"{word} {_number(schema[key])}" for key, word in bounds)]) + form
 
 
@@ -269,6 +271,7 @@ _KINDS = {
 }
 _FORMATS = {"path": "a path", "uri": "an address (URL)", "date-time": "a date and a time"}
 _SIZES = {"array": ("minItems", "maxItems", "element"), "string": ("minLength", "maxLength", "character")}
+_OPEN_ENDED = {"minimum": "greater", "maximum": "less"}
 _BOUNDS = (("minimum", "from"), ("exclusiveMinimum", "above"), ("maximum", "to"), ("exclusiveMaximum", "below"))
 
 

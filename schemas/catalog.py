@@ -63,12 +63,7 @@ class DescribeCatalogResult(Result):
         lines = []
         for facet in self.facets:
             note = f" ({facet.note})" if facet.note else ""
-            between = " in " if facet.facet in ("lanes", "speed_limit") else " "
-            shows_zero = facet.facet == "ego_speed"
-            names = ", ".join(
-                f"{name}{between}{count}" if count or shows_zero else name for name, count in facet.counts.items()
-            )
-            lines.append(f"{facet.facet}{note}: {names or 'none'}")
+            lines.append(f"{facet.facet}{note}: {', '.join(_counts(facet)) or 'none'}")
         for land in self.maps:
             lines.append(f"{land.country}: {counted(land.maps, 'map')}, {counted(land.sites, 'site')}")
             lines += [f"- {line}" for line in land.listed]
@@ -147,6 +142,16 @@ class StageCount(Model):
     left: int = Field(description="scenarios left after it")
 
 
+def _counts(facet: FacetCounts) -> list[str]:
+    """Return the names of a facet with their counts, which are in brackets if the names are numbers."""
+    if facet.facet in ("lanes", "speed_limit"):
+        first, *others = facet.counts.items() or [("", 0)]
+        known = [f"{first[0]} ({counted(first[1], 'scenario')})"] if first[0] else []
+        return [*known, *(f"{name} ({count})" for name, count in others)]
+    shows_zero = facet.facet == "ego_speed"
+    return [f"{name} {count}" if count or shows_zero else name for name, count in facet.counts.items()]
+
+
 class Coverage(Model):
     """How many of the matches' values in one dimension a diverse selection covers."""
 
@@ -214,18 +219,20 @@ class FindScenariosResult(Result):
             note = self.emptied_by.note
             lines.append(f"{note[0].upper()}{note[1:]}{'' if note.endswith('…') else '.'}")
             lines += [
-                f"run_planner also accepts those left after {stage.stage}: {self.search_id}:{stage.stage}"
+                f"To run the {counted(stage.left, 'scenario')} left by the {stage.stage} filter, give run_planner "
+                f"{self.search_id}:{stage.stage}"
                 for stage in self.stages[-2:-1]
             ]
         for relaxation in self.relaxations:
             shown, count = ", ".join(relaxation.examples), relaxation.matches
             drop = " and ".join(relaxation.drop)
-            lines.append(f"Without {drop}, {count} {'matches' if count == 1 else 'match'}: {shown}")
+            more = f" and {count - len(relaxation.examples)} more" if count > len(relaxation.examples) else ""
+            lines.append(f"Without {drop}, {count} {'matches' if count == 1 else 'match'}: {shown}{more}")
         if self.fallback:
-            lines.append("Nearest scenarios, which are not matches, with their unmet conditions:")
+            lines.append("Nearest non-matches, with the conditions that they fail:")
             lines += [_line(scenario, requested) for scenario in self.fallback]
-        verb = "matches" if self.total == 1 or self.catalogue == 1 else "match"
-        of = f"{self.total} of {counted(self.catalogue, 'scenario')}"
+        verb = "matches" if self.total == 1 else "match"
+        of = f"{self.total} of {self.catalogue:,} scenarios"
         headline = f"{of} {verb} ({self.search_id}, method {self.method})."
         return Answer(headline, decided, listed=lines)
 

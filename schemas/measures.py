@@ -19,13 +19,14 @@ from typing import Literal
 from pydantic import Field, field_validator
 
 from .base import Model
-from .text import RISK_SCALE
+from .text import RISK_SCALE, RISK_UNIT
 
 Relation = Literal["ahead", "behind", "beside", "oncoming", "crossing"]
 """The relation of a road user to the ego: the side if its heading is within 45° of the ego's, otherwise its heading."""
 Basis = Literal["valid", "both_reached_goal"]
 _NOT_AHEAD = "no vehicle ahead on the ego's path"
-_NO_OTHER_NEAR = "no other road user came within 60 m"
+NO_OTHER_NEAR = "no other road user came within 60 m"
+LEFT_THE_ROAD = "the ego left the road"
 _OLD = "an older version made the run and did not measure it"
 _NEVER_CLOSING = "never closing in on a vehicle ahead on the ego's path"
 _TOO_SHORT = "the run has too few steps"
@@ -172,7 +173,7 @@ MEASURES: tuple[Measure, ...] = (
         "closest encounter)",
         "Eggert 2014 (DCE)",
         "0 to 60",
-        _NO_OTHER_NEAR,
+        NO_OTHER_NEAR,
         abbreviation="DCE",
         cap="only road users with a centre up to 60 m from the ego's count",
         tolerance=0.01,
@@ -323,7 +324,7 @@ MEASURES: tuple[Measure, ...] = (
         "discs of static obstacles do not grow",
         "Wachenfeld et al. 2016",
         "0 to 3",
-        _NO_OTHER_NEAR,
+        NO_OTHER_NEAR,
         abbreviation="WTTC",
     ),
     Measure(
@@ -400,15 +401,15 @@ MEASURES: tuple[Measure, ...] = (
     ),
     Measure(
         "risk_score",
-        f"risk score ({RISK_SCALE})",
-        "of 5",
+        "risk score",
+        RISK_UNIT,
         "higher",
-        "the most dangerous time of a run by gap and time to collision: 0 a collision, 5 negligible",
+        f"the most dangerous time of a run by gap and time to collision ({RISK_SCALE})",
         "one level for distance and one for time to collision (thresholds 0, 0.5, 1, 3, 5 m or s); the mean of the "
         "two, rounded down; the minimum over road users and time steps",
         "From Words to Collisions (TUM-AVS, ITSC 2025)",
         "0 to 5",
-        f"{_NO_OTHER_NEAR}, or the ego left the road",
+        f"{NO_OTHER_NEAR}, or {LEFT_THE_ROAD}",
     ),
     Measure(
         "duration_s",

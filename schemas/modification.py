@@ -365,7 +365,7 @@ class ModifyScenarioResult(Result):
     )
     collisions: tuple[EditCollision, ...] = Field(description="overlaps of road users that are new")
     ego_before: EgoDanger | None = Field(
-        description="criticality for an ordinary ego before; null without a planning problem"
+        description="criticality before, for an ego that SUMO drives; null without a planning problem"
     )
     ego_after: EgoDanger | None = Field(description="criticality now")
     checked_by: CheckedBy = Field(description="which check judged drivability")
@@ -446,7 +446,7 @@ class ModifyScenarioResult(Result):
             labels = [f"{vehicle.vehicle_id}{f' ({vehicle.reason})' * bool(vehicle.reason)}" for vehicle in reacting]
             most, _ = self._most(_MOST_TOUCHED)
             more = f" and {len(labels) - most} more" if len(labels) > most else ""
-            lines.append(f"Also simulated, to avoid a collision: {', '.join(labels[:most])}{more}.")
+            lines.append(f"Simulated instead of recorded, to avoid a collision: {', '.join(labels[:most])}{more}.")
         lines += [*self._moved(), *self._previously_standing()]
         if self.detail == "checks":
             lines += first_of([_touched_text(vehicle) for vehicle in self.touched], *self._most(0))
@@ -461,16 +461,19 @@ class ModifyScenarioResult(Result):
         )
         most, _ = self._most(_MOST_TOUCHED)
         distances = ", ".join(f"{vehicle.vehicle_id} ({vehicle.moved_m:.3g} m)" for vehicle in moved[:most])
-        least = f" and {len(moved) - most} others by less" if len(moved) > most else ""
-        return [f"Farthest from the recording: vehicle{'s' * (len(moved) > 1)} {distances}{least}."] if moved else []
+        least = f"; {len(moved) - most} others deviate less" if len(moved) > most else ""
+        many = "s" * (len(moved) > 1)
+        return [f"Largest deviation{many} from the recording: vehicle{many} {distances}{least}."] if moved else []
 
     def _previously_standing(self) -> list[str]:
-        """Return the vehicles that stood in the recording, perhaps at a light missing in the file, and move now."""
+        """Return a sentence on the vehicles that stood in the recording, perhaps at a light missing from the file, but
+        now move.
+        """
         stood = [(one.vehicle_id, one.stood_until_s) for one in self.touched if one.stood_until_s is not None]
         most, _ = self._most(_MOST_TOUCHED)
-        vehicles = ", ".join(f"{key} (until {until_s:.1f} s)" for key, until_s in stood[:most])
-        more = f" and {len(stood) - most} more" if len(stood) > most else ""
-        return [f"Now driving, but standing in the recording: {vehicles}{more}."] if stood else []
+        vehicles = "; ".join(f"{_ids(keys)} until {until_s:.1f} s" for until_s, keys in _grouped(stood[:most]))
+        more = f"; {len(stood) - most} more" if len(stood) > most else ""
+        return [f"Now driving, though standing in the recording: {vehicles}{more}."] if stood else []
 
     def _judged(self) -> list[str]:
         if self.checkers_agree is None:
@@ -528,19 +531,20 @@ def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bo
     """Return lines on what changes for an ordinarily driving ego; undefined figures have a reason."""
     if before is None or after is None:
         return ["Ego's risk: unknown, because an ordinary driver cannot be simulated as the ego here."]
-    was, now = _danger_figures(before), _danger_figures(after)
+    was, now, scale = _danger_figures(before), _danger_figures(after), f" ({RISK_SCALE})"
     new = [
-        f"{word} {was[word]} → {now[word]}" if word in was else f"{_NEW.get(word, word)} {now[word]}"
+        (f"{word} {was[word]} → {now[word]}" if word in was else f"{_NEW.get(word, word)} {now[word]}")
+        + (scale if word == _RISK else "")
         for word in now
         if was.get(word) != now[word]
     ]
     if not new:
-        return [f"No change for the ego: {_RISK} {now[_RISK]}."]
-    ego = "an ordinary ego that drives as before" if blind else "the ego"
+        return [f"No change for the ego: {_RISK} {now[_RISK]}{scale}."]
+    ego = "an ego that does not react to the edits" if blind else "the ego"
     return [f"Change for {ego}: {', '.join(new)}."]
 
 
-_RISK = f"risk score ({RISK_SCALE})"
+_RISK = "risk score"
 _SEEN_MOVED_M = 0.005
 """Smaller displacements are not stated."""
 _NEW = {"collision": "new collision"}

@@ -1,6 +1,7 @@
 """The arguments and result of the analysis of planner runs, and the text of its answer."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
@@ -19,7 +20,7 @@ from .runs import (
     ending,
     excesses_in_words,
 )
-from .text import REFERENCE_DRIVERS_DO, counted, measured, p_figure, p_in_words, signed
+from .text import REFERENCE_DRIVERS_DO, RISK_SCALE, RISK_UNIT, counted, measured, p_figure, p_in_words, signed
 from .text import figure as figure
 
 SIGNIFICANCE_LEVEL = 0.05
@@ -317,6 +318,13 @@ def _estimate(rate: Rate) -> str:
 
 TrivialKind = Literal["at_the_start", "standing", "by_time_alone"]
 """Why a goal required no driving: the first step already met it; the ego stood still; the goal has no position."""
+_TRIVIAL_WORDS: Mapping[TrivialKind, str] = MappingProxyType(
+    {
+        "at_the_start": "the start already met it",
+        "standing": "the ego stood still",
+        "by_time_alone": "it sets only a time",
+    }
+)
 
 
 class TrivialGoals(Model):
@@ -330,15 +338,19 @@ class TrivialGoals(Model):
 
     def in_words(self) -> str:
         """Return the number of goals of each kind, and the rate of goals without the runs with such goals."""
-        kinds = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in self.kinds.items())
+        count = sum(self.kinds.values())
+        needless = f"{counted(count, 'goal')} required no driving"
+        if len(self.kinds) == 1:
+            needless += f", because {_TRIVIAL_WORDS[next(iter(self.kinds))]}"
+        else:
+            needless += f" ({', '.join(f'{_TRIVIAL_WORDS[kind]}: {many}' for kind, many in self.kinds.items())})"
+        rate = self.success_without
         if self.looked_at < self.goals:
-            kinds = f"of a random {self.looked_at} of {self.goals}, {kinds}"
-            without = "" if self.success_without is None else f"; without such goals, {_estimate(self.success_without)}"
-            return f"Goals that required no driving: {kinds}{without}."
-        without = (
-            "" if self.success_without is None else f"; without these runs, goal {self.success_without.in_words()}"
-        )
-        return f"Goals that required no driving: {kinds}{without}."
+            without = "" if rate is None else f"; without such goals, {_estimate(rate)}"
+            return f"Of a random {self.looked_at} of {self.goals} reached goals, {needless}{without}."
+        these = "this run" if count == 1 else "these runs"
+        without = "" if rate is None else f"; without {these}, goal {rate.in_words()}"
+        return f"{needless}{without}."
 
 
 class BeyondVehicle(Model):
@@ -525,8 +537,9 @@ _SHOWN_FINDINGS, _SHOWN_EXCESSES, _SHOWN_INVALID, _SHOWN_RULES, _SHOWN_GROUPS, _
 
 
 def with_unit(text: str, unit: str) -> str:
-    """Return a figure with its unit, which is left out if it is ``1``."""
-    return text if unit == "1" else f"{text} {unit}"
+    """Return a figure with its unit, which is left out if it is ``1``; a risk score has its scale in brackets."""
+    scale = f" ({RISK_SCALE})" if unit == RISK_UNIT else ""
+    return text if unit == "1" else f"{text} {unit}{scale}"
 
 
 def _one_run(result: AnalyzeResultsResult) -> Answer:
@@ -618,10 +631,10 @@ def _main_cost(result: AnalyzeResultsResult) -> list[str]:
 
 
 def _several_runs(result: AnalyzeResultsResult) -> Answer:
-    goal = "rates by configuration" if result.success is None else f"goal {result.success.in_words()}"
+    goal = "" if result.success is None else f": goal {result.success.in_words()}"
     if result.chosen_by_outcome:
-        goal = f"selected by {' and '.join(result.chosen_by_outcome)}, so a goal rate would not describe the planner"
-    head = f"{result.runs} runs ({result.valid_count} valid, {result.invalid_count} invalid): {goal}"
+        goal = f": selected by {' and '.join(result.chosen_by_outcome)}, so a goal rate would not describe the planner"
+    head = f"{result.runs} runs ({result.valid_count} valid, {result.invalid_count} invalid){goal}"
     figures = _by_any_motion(result) + _failures(result)
     if result.success is not None or result.outcomes:
         parts = (result.causes, result.trivial, result.beyond_vehicle)
@@ -699,7 +712,7 @@ def _finding_text(finding: Finding) -> str:
     """Return a finding in one line, with its evidence, other explanations, and the suggestion."""
     parts = [f"- [{finding.name}] {finding.statement}"]
     if finding.alternatives:
-        parts.append(f"Another explanation: {finding.alternatives}.")
+        parts.append(f"Possible explanation: {finding.alternatives}.")
     if finding.suggestion:
         change = finding.suggestion
         tried = "not tried yet; trial=true tries it" if change.tried is None else change.tried.in_words()
@@ -820,8 +833,9 @@ def _timeline(result: AnalyzeResultsResult) -> list[str]:
         lines.append(
             f"- {step.time_s:.1f} s: {step.speed_mps:.1f} m/s, {signed(step.acceleration_mps2)} m/s²{gap}{cost}"
         )
-    of = {"end": "Before the end", "moment": "Around the most critical moment", "window": "In the requested span"}
-    return [f"{of[result.timeline_of]}, with the distance to a road user by its id:", *lines] if lines else []
+    of = {"end": "Before the end", "moment": "Around the most critical moment", "window": "In the requested time span"}
+    gaps = " (m to ID: distance to that road user)" if any(step.gap_m is not None for step in result.timeline) else ""
+    return [f"{of[result.timeline_of]}{gaps}:", *lines] if lines else []
 
 
 def _measured(measures: Sequence[MeasuredValue]) -> list[str]:

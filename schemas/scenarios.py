@@ -508,10 +508,11 @@ class DescribeScenarioResult(Result):
             return [f"No vehicle within radius_m of {shown.focus}, {shown.vehicles_total} elsewhere; raise radius_m."]
         more = shown.vehicles_total - len(shown.vehicles)
         rest = "raise radius_m" if self.detail == "vehicles" else "detail=vehicles"
-        measured = ", distances along its lane" if shown.focus == "the ego" else ""
-        when = f" at {shown.time_s:g} s, relative to the ego's start" if shown.time_s else ""
-        others = f" ({more} more: {rest})" if more else ""
-        head = f"Vehicles{when}, nearest to {shown.focus} first{measured}{others}:"
+        start = " from its start" if shown.time_s else ""
+        measured = [f"distances along its lane{start}"] if shown.focus == "the ego" else []
+        when = f" at {shown.time_s:g} s" if shown.time_s else ""
+        notes = "; ".join([*measured, *([f"{more} more: {rest}"] if more else [])])
+        head = f"Vehicles{when}, nearest to {shown.focus} first{f' ({notes})' if notes else ''}:"
         return [head, *(_vehicle(vehicle, shown.asked) for vehicle in shown.vehicles)]
 
     def _lanelets(self) -> list[str]:

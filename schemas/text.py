@@ -144,7 +144,7 @@ REFERENCE_DRIVERS_DO = (
     "ego's speed until they see a danger"
 )
 """The drivers of a verdict and what they do, for each statement that no driver prevents a collision."""
-RISK_SCALE = "0 = collision, 5 = negligible"
+RISK_SCALE, RISK_UNIT = "0 = collision, 5 = negligible", "of 5"
 _LATER_EXPLANATION = re.compile(rf" \((?:{re.escape(REFERENCE_DRIVERS_DO)}|{re.escape(RISK_SCALE)})[^()]*\)")
 
 

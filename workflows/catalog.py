@@ -177,9 +177,9 @@ def _maps(maps: Sequence[MapFacts], arguments: DescribeCatalogArguments, context
     shown = dict(islice(countries.items(), _COUNTRIES_SHOWN))
     sites = sum(sum(facts.sites.values()) for facts in maps)
     notes = [
-        f"with {counted(sites, 'site')}, by country",
+        f"by country; {counted(sites, 'site')}",
         *([f"{counted(hidden, 'more country')}"] if hidden > 0 else []),
-        *(["facet maps lists all"] if arguments.facet == "all" else []),
+        *(["facet=maps lists all"] if arguments.facet == "all" else []),
         *inventory_of_read_maps(context).notes,
     ]
     return FacetCounts(facet="maps", counts=shown if arguments.facet == "all" else countries, note="; ".join(notes))
@@ -196,9 +196,9 @@ def _planners() -> FacetCounts:
         others = [preset for preset in tuning_of(name).presets if preset != "Default"]
         if others:
             planners_of.setdefault(", ".join(others), []).append(name)
-    presets = "; ".join(f"{presets} of {', '.join(names)}" for presets, names in planners_of.items())
+    presets = "; ".join(f"{', '.join(names)} also {presets}" for presets, names in planners_of.items())
     counts = dict.fromkeys(planner_names(), 0)
-    return FacetCounts(facet="planners", counts=counts, note=f"PLANNER:PRESET, with Default or {presets}")
+    return FacetCounts(facet="planners", counts=counts, note=f"write PLANNER:PRESET; each has Default; {presets}")
 
 
 async def find_scenarios(arguments: FindScenariosArguments, context: WorkflowContext) -> FindScenariosResult:

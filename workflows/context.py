@@ -169,7 +169,7 @@ class WorkflowContext:
     def remark_source(self, kind: MadeKind, made_id: str, owner: str = "the workspace's") -> None:
         """Add a remark, once for each kind, that a word refers to something from outside this session."""
         if self.services.recent.is_first_report(kind):
-            self.remarks.append(f"{made_id} is {owner} newest {kind}; this session has not made one.")
+            self.remarks.append(f"This session has no {kind} yet, so {owner} newest one, {made_id}, is used.")
 
     def artifact(self, word: str, kind: ArtifactKind) -> Artifact:
         """Return the artifact with this id; ``latest`` means the client's newest artifact of this kind.

@@ -94,7 +94,7 @@ def inventory_of_read_maps(context: WorkflowContext) -> MapInventory:
         unread += sum(file is None for _, file in known)
         notes += complaints + [_skipped_note(path, file) for path, file in known if file and file.refusal]
     if unread:
-        notes.insert(0, f"generate_scenarios will read {counted(unread, 'more map file')}")
+        notes.insert(0, f"{counted(unread, 'map file')} not read yet; generate_scenarios reads new files")
     return _whole_inventory(context, notes)
 
 

@@ -35,7 +35,7 @@ from ..harness import Figures, SeededBench
 CASES = 60
 _STEP_S, _WIDTH_M, _SPACING_M = 0.1, 4.0, 0.5
 _GOAL_LENGTH_M = 8.0
-_BEFORE_GOAL_M = r"([\d.]+) m before the goal's end"
+_BEFORE_GOAL_M = r"([\d.]+) m short of the goal region's end"
 
 
 @dataclass(frozen=True)

@@ -617,8 +617,8 @@ def _uncomfortable_turns(evidence: Evidence) -> Iterator[Finding]:
         yield Finding(
             name="uncomfortable_turns",
             statement=(
-                f"{len(harsh)} of {len(values)} successes of {records[0].config_name} exceeded {_COMFORTABLE_MPS2:g} "
-                f"m/s² of lateral acceleration (largest {max(values.values()):.1f})."
+                f"{len(harsh)} of {len(values)} successful runs of {records[0].config_name} exceeded a lateral "
+                f"acceleration of {_COMFORTABLE_MPS2:g} m/s² (largest {max(values.values()):.1f})."
             ),
             figures={
                 "runs": len(harsh),

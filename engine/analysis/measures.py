@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...schemas.errors import UnknownName
-from ...schemas.measures import MEASURES, Measure, MeasuredValue, MeasureSpread, Relation
+from ...schemas.measures import LEFT_THE_ROAD, MEASURES, Measure, MeasuredValue, MeasureSpread, Relation
 from ...schemas.runs import RunRecord, RunSteps, drawn
 from ..commonroad import Track, kept_recording
 from ..criticality import (
@@ -62,7 +62,7 @@ def measures_of(runs: RunSet, record: RunRecord) -> tuple[MeasuredValue, ...]:
     drive = _measured_drive(runs, record, steps)
     found = {one.name: one for one in drive.measured()}
     if record.outcome == "off_road":
-        found.pop("risk_score", None)
+        found["risk_score"] = MeasuredValue(name="risk_score", why=LEFT_THE_ROAD)
     return tuple(
         _with_stored_value(
             measure, record, found.get(measure.name) or MeasuredValue(name=measure.name, why=measure.none)

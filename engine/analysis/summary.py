@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, with_values
+from ...schemas.measures import LEFT_THE_ROAD, NO_OTHER_NEAR
 from ...schemas.results import (
     AnalyseRequest,
     AnalysisDetail,
@@ -36,7 +37,7 @@ from .filters import matching, on_outcome, window_of
 from .findings import find_all
 from .measures import MOST_MEASURED, measure_spreads, measures_of
 from .moments import contact_of, review, timeline
-from .run_set import METRICS, RunSet, cost_shares, most_frequent_first
+from .run_set import METRICS, MetricSpec, RunSet, cost_shares, most_frequent_first
 from .traffic_rules import MOST_RUNS, rule_shares, rule_verdicts
 
 _SHOWN_INVALID, _SUMMARY_FINDINGS, _SUMMARY_COSTS, _MOST_GROUPS, _FINDING_RUNS = 10, 5, 6, 20, 8
@@ -232,7 +233,7 @@ def _notes(
         words = f"{cells}; the first: {first.scenario_id} with "
         yield words + f"{first.config_id}: {first.error}", {"lost_cells": len(request.lost)}
     if request.where:
-        words = f"{len(runs.sources)} of {len(request.runs)} runs match {' and '.join(request.where)}"
+        words = f"{' and '.join(request.where)} applies to {len(runs.sources)} of {counted(len(request.runs), 'run')}"
         yield words, {"asked_runs": len(request.runs)}
     older = sum(record.success_rule == "driven@1" for record in runs.valid) if request.detail == "summary" else 0
     if older and len(runs.sources) > 1:
@@ -321,7 +322,15 @@ def _metric_summaries(runs: RunSet) -> tuple[MetricSummary, ...]:
 def _undefined(runs: RunSet) -> tuple[UndefinedMetric, ...]:
     """Return the metrics that no valid run has; empty if there are no valid runs."""
     absent = [spec for spec in METRICS if runs.valid and all(spec.value(record) is None for record in runs.valid)]
-    return tuple(UndefinedMetric(name=spec.name, why=spec.why_none) for spec in absent)
+    return tuple(UndefinedMetric(name=spec.name, why=_why_undefined(spec, runs.valid)) for spec in absent)
+
+
+def _why_undefined(spec: MetricSpec, records: Sequence[RunRecord]) -> str:
+    """Return why no run has a metric; an ego that left the road has no risk score, even near others."""
+    off_road = {record.outcome == "off_road" for record in records}
+    if spec.name != "risk_score" or len(off_road) > 1:
+        return spec.why_none
+    return LEFT_THE_ROAD if off_road == {True} else NO_OTHER_NEAR
 
 
 def _groups(runs: RunSet, breakdown: Breakdown, *, is_one: bool, summed: bool) -> tuple[Group, ...]:

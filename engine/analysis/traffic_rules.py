@@ -322,7 +322,7 @@ TRAFFIC_RULES: tuple[TrafficRule, ...] = (
     ),
     TrafficRule("R_IN4", "priority by signs", "s", f"{_CROSSINGS}; StVO § 8(1)", _CLEAR, _yielding("signs")),
     TrafficRule(
-        "R_IN5", "left turn before oncoming", "s", f"{_CROSSINGS}; StVO § 9(3)", _CLEAR, _yielding("left turn")
+        "R_IN5", "left turn across oncoming traffic", "s", f"{_CROSSINGS}; StVO § 9(3)", _CLEAR, _yielding("left turn")
     ),
 )
 """The rules in display order."""

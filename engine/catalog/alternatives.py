@@ -112,8 +112,8 @@ def look_up_words(connection: sqlite3.Connection, text: str, constraints: Sequen
     for word in words[:_WORDS_LOOKED_UP]:
         name, places = _places_of(connection, word)
         if name and name not in known:
-            called = f"'{word}'" + (f" ({name})" if name != word else "")
-            found[f"{called}: {', '.join(places) or '0'}"] = None
+            called = f"'{word}'" + (f" (read as {name})" if name != word else "")
+            found[f"{called} in {', '.join(places) or 'no scenario'}"] = None
         elif not name and not _occurs(connection, word):
             nowhere.append(word)
     looked = words[:_WORDS_LOOKED_UP]
@@ -143,18 +143,22 @@ def _places_of(connection: sqlite3.Connection, word: str) -> tuple[str, list[str
             if spelling in vocabulary:
                 name = spelling
                 if count := _count_scenarios(connection, kind, spelling):
-                    carried.append(f"{count} ({kind.replace('sign@map', 'sign')})")
+                    carried.append(_as_kind(count, kind.replace("sign@map", "sign")))
         if count := _count_scenarios(connection, CIRCUMSTANCE, spelling):
             name = spelling
-            carried.append(f"{count} ({CIRCUMSTANCE})")
+            carried.append(_as_kind(count, CIRCUMSTANCE))
         if name:
             break
     obstacle = obstacle_type_of(word)
     if obstacle is not None:
         name = name or obstacle
         if count := _count_scenarios_with_obstacle(connection, obstacle):
-            carried.append(f"{count} (obstacle)")
+            carried.append(_as_kind(count, "obstacle"))
     return name, carried
+
+
+def _as_kind(count: int, kind: str) -> str:
+    return f"{counted(count, 'scenario')} ({kind})"
 
 
 def _occurs(connection: sqlite3.Connection, word: str) -> bool:
@@ -178,7 +182,9 @@ def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: Emptied
         return f"some of the {len(entering)} candidates satisfy each of {names}, but no candidate satisfies all"
     alternatives = [_alternatives(connection, constraint, funnel, entering) for constraint in reason.constraints]
     existing = "; ".join(values for values in alternatives if values)
-    return f"no candidate (of {len(entering)}) satisfies {names}" + (f"; available {existing}" if existing else "")
+    return f"0 of {counted(len(entering), 'candidate')} satisfy {names}" + (
+        f"; available {existing}" if existing else ""
+    )
 
 
 def _alternatives(connection: sqlite3.Connection, constraint: Constraint, funnel: Funnel, entering: EntrySet) -> str:

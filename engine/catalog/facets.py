@@ -57,7 +57,7 @@ def _places(pairs: list[tuple[str, str]], whole: bool) -> list[FacetCounts]:
     hidden = len(places) - len(shown)
     invented = len({pair for pair in pairs if not is_place(*pair)})
     notes = [
-        *(["only those of scenarios; facet maps lists those of maps"] if whole else []),
+        *(["only those of scenarios; facet=maps lists those of maps"] if whole else []),
         *([f"{hidden} more with facet places"] if hidden else []),
         *([f"{counted(invented, 'invented name')} left out"] if invented else []),
     ]
@@ -145,7 +145,7 @@ def _obstacles(connection: sqlite3.Connection, numbers: frozenset[int], whole: b
 def _speeds(speeds: list[float]) -> list[FacetCounts]:
     if not speeds:
         return []
-    note = f"at the start, up to {max(speeds):.0f} m/s"
+    note = f"at the start; highest {max(speeds):.0f} m/s"
     bands = [("<5m/s", 0, 5), ("5..10m/s", 5, 10), ("10..20m/s", 10, 20), (">=20m/s", 20, float("inf"))]
     counts = {name: sum(1 for speed in speeds if low <= speed < high) for name, low, high in bands}
     return [FacetCounts(facet="ego_speed", counts=counts, note=note)]

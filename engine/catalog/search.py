@@ -122,9 +122,9 @@ class Search:
     ) -> None:
         if arguments.method != "funnel" and not (arguments.text or arguments.like):
             raise InvalidRequest(
-                f"method {arguments.method} ranks by text, but text and like are empty",
-                valid=["text", "like", "method funnel"],
-                next_step="describe in text what to find",
+                f"method '{arguments.method}' ranks by text, but neither 'text' nor 'like' is given",
+                valid=["text=WORDS", "like=SCENARIO", "method=funnel"],
+                next_step="say in 'text' what you are looking for",
             )
         self._connection, self.arguments = connection, arguments
         numbers = None if within is None else _numbers_of(connection, within).values()
@@ -235,13 +235,13 @@ class Search:
         text = self._text_words
         few = len(text.found) + len(text.nowhere) <= _FEW_WORDS
         notes = ["The text index was damaged and has been rebuilt."] if ranking and ranking.mended_index else []
-        notes += [f"Scenarios with words of the text: {'; '.join(text.found)}."] if text.found else []
+        notes += [f"Found words of the text: {'; '.join(text.found)}."] if text.found else []
         if text.nowhere and (text.alone or few):
             *first, last = (f"'{one_line(word)}'" for word in text.nowhere)
             words = f"{', '.join(first)} and {last}" if first else last
             verb = "occurs" if len(text.nowhere) == 1 else "occur"
             nothing = text.alone and self._is_dissimilar(ranking)
-            matched = "the text matches nothing" if nothing else "results are ordered by similar meaning"
+            matched = "the text matches nothing" if nothing else "results are ranked by semantic similarity"
             notes.append(f"{words} {verb} in no title, tag, place or description; {matched}.")
         return notes
 

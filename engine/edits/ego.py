@@ -257,7 +257,9 @@ def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     changes, what = (_instead_of if edit.vehicles else _started)(edit, scene, changes, ego)
     new = changes.ego or ego
     _check_class(new, scene, changes, edit)
-    what += "" if new.vehicle_class == ego.vehicle_class else f"; it is a {ego_class(new.vehicle_class).in_words}"
+    what += (
+        "" if new.vehicle_class == ego.vehicle_class else f"; vehicle class: {ego_class(new.vehicle_class).in_words}"
+    )
     if edit.former_ego != "traffic":
         return EditStep(changes, (), what)
     plan = _former(scene, before, ego)

@@ -279,6 +279,9 @@ def entry_speed(
     return EntrySpeed(speed, reason)
 
 
+NO_NEIGHBOURS = "no vehicle ahead in its lane", "no vehicle behind"
+
+
 def gaps_in_words(
     scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int, speed_mps: float
 ) -> tuple[str, str]:
@@ -287,8 +290,8 @@ def gaps_in_words(
     ahead = min((one for one in neighbours if one.distance_m > 0), key=lambda one: one.distance_m, default=None)
     behind = max((one for one in neighbours if one.distance_m <= 0), key=lambda one: one.distance_m, default=None)
     return (
-        "no vehicle ahead in its lane" if ahead is None else f"{_gap_text(ahead, vehicle_class, speed_mps)} ahead",
-        "no vehicle behind" if behind is None else f"{_gap_text(behind, vehicle_class, behind.speed_mps)} behind",
+        NO_NEIGHBOURS[0] if ahead is None else f"{_gap_text(ahead, vehicle_class, speed_mps)} ahead",
+        NO_NEIGHBOURS[1] if behind is None else f"{_gap_text(behind, vehicle_class, behind.speed_mps)} behind",
     )
 
 
@@ -417,7 +420,7 @@ def _check_late_entries(edited: EditedScene) -> None:
             f"{start.kind} {key} cannot enter then",
             reason=PLACE_TAKEN,
             valid=free if clear is None else [*free, f"time_s={clear * scene.step_s:g}"],
-            next_step="choose a free place or another departure",
+            next_step="choose a free place or another departure time",
         )
 
 

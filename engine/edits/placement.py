@@ -280,7 +280,7 @@ def _oncoming(reference: _Reference, offset_m: float, scene: Scene) -> Place:
     if not candidates:
         raise NotPossible(
             f"{reference.name} has no oncoming lane next to its own at {offset_m:+.6g} m",
-            valid=["lane=same, left or right", "another offset_m"],
+            valid=["lane=same", "lane=left", "lane=right", "another offset_m"],
             next_step="choose another place",
             remedies=[with_values(lane="same")],
         )
@@ -306,7 +306,7 @@ def _adjacent_lane(reference: _Reference, side: str, scene: Scene) -> int:
     there = {key: value for key, value in sides.items() if value is not None and value in scene.layout.table.lanes}
     if side not in there:
         raise NotPossible(
-            f"{reference.name} has no lane in its direction to its {side}",
+            f"{reference.name} has no lane in its direction on the {side}",
             valid=["same", *there],
             next_step="choose another lane",
             remedies=[with_values(lane=word) for word in (*there, "same")],

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest, with_values
 from ...schemas.modification import Edit
+from ...schemas.text import counted
 from ..commonroad import Track
 from ..cosimulation import (
     DrivePlan,
@@ -31,7 +32,7 @@ from ..network import station_m
 from ..scene import Scene
 from ..vehicles import PEDESTRIAN, VehicleClass, vehicle_class_of, vehicle_classes
 from .changes import Changes, EditStep, check_speed, listed, parse_speed, within_time
-from .entries import CLEARANCE_M, PLACE_TAKEN, OccupiedPlaces, entry_speed, gaps_in_words
+from .entries import CLEARANCE_M, NO_NEIGHBOURS, PLACE_TAKEN, OccupiedPlaces, entry_speed, gaps_in_words
 from .placement import Place, advance_along_lane, first_place, read_trigger
 from .references import drive_to, nearest_driven, select, target_lanelets
 
@@ -142,14 +143,16 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             raise _no_more(error, number, count, spacing, vehicle_class) from error
         added.append(changes.next_id)
         changes = replace(changes.with_plan(entering[-1].plan), next_id=changes.next_id + 1)
-    who = f"{vehicle_class.name} {', '.join(map(str, added))}"
+    kind = counted(len(added), vehicle_class.name).partition(" ")[2]
+    who = f"{kind} {', '.join(map(str, added))}"
     requested = (edit.vehicle_class or "").strip()
     who += f" ({requested!r} read as {vehicle_class.name})" if requested.lower() != vehicle_class.name else ""
     where = f"{_where(places, spacing)}{_why_there(edit)}"
     why = f" ({entering[0].reason})" if entering[0].reason else ""
-    gaps = f"{entering[-1].ahead}, {entering[0].behind}"
-    stands = ", stands until another edit moves it" if changes.driven[added[0]].manoeuvres else ""
-    what = f"{who} {where}, at {_entries(edit, scene, changes, added, why)}{stands}, gaps: {gaps}"
+    around = entering[-1].ahead, entering[0].behind
+    gaps = "no vehicle ahead or behind in its lane" if around == NO_NEIGHBOURS else f"gaps: {', '.join(around)}"
+    stands = " (stands until another edit moves it)" if changes.driven[added[0]].manoeuvres else ""
+    what = f"{who} {where}, at {_entries(edit, scene, changes, added, why)}{stands}, {gaps}"
     aims = {key: (changes.driven[key].targets,) for key in added if changes.driven[key].targets}
     return EditStep(changes, tuple(added), what, added=tuple(added), aims=aims)
 
@@ -308,7 +311,7 @@ def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehicl
     free = (step for step in steps if OccupiedPlaces.at(scene, step, changes).occupant(place, size) is None)
     step = next(free, first)
     OccupiedPlaces.at(scene, step, changes).check_free(
-        place, size, "choose a free place or another departure", side=_side_of(edit)
+        place, size, "choose a free place or another departure time", side=_side_of(edit)
     )
     return step
 
@@ -351,7 +354,7 @@ def _add_parked(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehic
     if foreign:
         raise InvalidRequest(
             f"{' and '.join(foreign)} cannot be combined with side, which parks a vehicle at the kerb",
-            valid=["at", "position", "lane", "offset_m", "count", "spacing_m", "side"],
+            valid=["at", "position", "lane", "offset_m", "count", "spacing_m"],
             next_step=f"remove {' and '.join(foreign)}, or remove side",
             remedies=[with_values(**dict.fromkeys(foreign))],
         )

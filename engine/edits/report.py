@@ -112,13 +112,13 @@ def _values_in_words(values: tuple[Achieved, ...]) -> list[str]:
     """Return the achieved values of an edit as text, for its first vehicles; equal results are merged."""
     vehicles: dict[str, list[int]] = {}
     for one in values[:_MOST_VALUES]:
-        requested = "" if one.asked is None or one.reached else f" (requested: {one.asked:g} {one.unit})"
+        requested = "" if one.asked is None or one.reached else f" (requested: {one.asked:.4g} {one.unit})"
         words = f"{one.quantity.replace('_', ' ')} {one.value:.3g} {one.unit}{requested}"
         vehicles.setdefault(words, []).append(one.vehicle_id)
     by_vehicles: dict[tuple[int, ...], list[str]] = {}
     for words, keys in vehicles.items():
         by_vehicles.setdefault(tuple(keys), []).append(words)
-    return [f"achieved by {listed(keys)}: {', '.join(words)}" for keys, words in by_vehicles.items()]
+    return [f"result for {listed(keys)}: {', '.join(words)}" for keys, words in by_vehicles.items()]
 
 
 def _judged(request: ModificationRequest, edited: EditedScene) -> tuple[tuple[TouchedVehicle, ...], int | None]:

@@ -232,8 +232,8 @@ def branch_for(scene: Scene, start: int, turn: str, who: str) -> _Branch:
         onward = [key for key in reachable_lanelets(scene, [start]) if key != start]
         raise NotPossible(
             f"{who} has no fork ahead in its lane",
-            valid=onward[:_ONWARD_NAMED],
-            next_step="give a lanelet in 'to'",
+            valid=[f"to={key}" for key in onward[:_ONWARD_NAMED]],
+            next_step="give a lanelet that it can reach in 'to'",
             remedies=[with_values(turn=None, to=[str(key)]) for key in onward[:_ONWARD_NAMED]],
         )
     fitting = [branch for branch in branches if branch.turn == turn]

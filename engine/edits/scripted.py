@@ -247,7 +247,8 @@ def _since(edit: Edit, made: Mapping[int, tuple[int, float, Track]], step_s: flo
     """Return when an edit starts, as the end of a sentence; ``made`` contains its start steps."""
     if edit.when is not None:
         times = ", ".join(f"{step * step_s:.1f} s" for step, _, _ in list(made.values())[:3])
-        return f" once {edit.when} holds (in reactive runs for the planner's ego; here for an ordinary one, at {times})"
+        egos = f"in reactive runs for the planner's ego; here for an ego that SUMO drives, at {times}"
+        return f" once {edit.when} holds ({egos})"
     return "" if edit.time_s is None else f" from {edit.time_s:g} s"
 
 
@@ -411,7 +412,7 @@ def _aside_to_lane(scene: Scene, track: Track, step: int, side: str) -> float:
         other = {"left": "right", "right": "left"}[side]
         opposite = None if here is None else (lanes[here].left if other == "left" else lanes[here].right)
         raise NotPossible(
-            f"on lanelet {here}, vehicle {track.obstacle_id} has no lane in its direction to its {side}",
+            f"on lanelet {here}, vehicle {track.obstacle_id} has no lane in its direction on the {side}",
             valid=[*([f"lane={other}"] if opposite in lanes else []), "another time_s"],
             next_step="choose another time or another lane",
             remedies=[],  # the other side is not what was requested
@@ -444,8 +445,8 @@ def swerve(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     side = "right" if edit.side == "right" else "left"
     when = _since(edit, made, scene.step_s)
     what = (
-        f"{named_vehicles(vehicles)} {_verb('swerve', vehicles)} {far_m:g} m to the {side} within {duration_s:g} s"
-        f"{when}, {_verb('stay', vehicles)} there "
+        f"{named_vehicles(vehicles)} {_verb('swerve', vehicles)} {far_m:g} m to the {side}{when} (over "
+        f"{duration_s:g} s), {_verb('stay', vehicles)} there "
         f"{hold_s:g} s and {_verb('return', vehicles)}"
     )
     return EditStep(changes, vehicles, what, measure=lambda edited: _asides(edited, made))
@@ -691,7 +692,7 @@ def _sent_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         made[vehicle_id] = step, aside_m, before
     when = _since(edit, made, scene.step_s)
     moves, stays = _verb("move", vehicles), _verb("stay", vehicles)
-    what = f"{named_vehicles(vehicles)} {moves} to the oncoming lane within {duration_s:g} s{when} and {stays} there"
+    what = f"{named_vehicles(vehicles)} {moves} to the oncoming lane{when} (over {duration_s:g} s) and {stays} there"
     return EditStep(changes, vehicles, what, measure=lambda edited: _asides(edited, made))
 
 
@@ -722,7 +723,7 @@ def _aside_to_oncoming(scene: Scene, track: Track, step: int) -> float:
     if not found:
         raise NotPossible(
             f"vehicle {track.obstacle_id} has no oncoming lane next to it at {step * scene.step_s:g} s",
-            valid=["at=LANELET, which adds one that drives against it", "another time_s"],
+            valid=["at=LANELET (adds a vehicle that drives the wrong way there)", "another time_s"],
             next_step="choose one of these",
             remedies=[with_values(vehicles=None, at=str(scene.matches[track.obstacle_id].at(index)))]
             if track.obstacle_id in scene.matches

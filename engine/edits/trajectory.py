@@ -137,7 +137,7 @@ def _no_such_lane(edit: Edit, scene: Scene, plan: DrivePlan, here: int) -> NotPo
     later = [f"on lanelet {key}" for key in plan.lanelets if _adjacent_lanes(scene, [key], str(edit.lane))]
     time_s = _first_time_with_lane(scene, plan.start.obstacle_id, str(edit.lane))
     return NotPossible(
-        f"on lanelet {here}, vehicle {plan.start.obstacle_id} has no lane in its direction to its {edit.lane}",
+        f"on lanelet {here}, vehicle {plan.start.obstacle_id} has no lane in its direction on the {edit.lane}",
         valid=[*there, *later],
         next_step="choose another time or another lane",
         remedies=[] if time_s is None else [with_values(time_s=time_s)],  # the other side is not what was requested
@@ -237,10 +237,11 @@ def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[
         return next((order.profile_mps for order in reversed(orders) if order.profile_mps), ())
 
     when = "" if edit.time_s is None else f" from {edit.time_s:g} s"
+    drive = "drive" if len(vehicles) > 1 else "drives"
     what = (
-        f"{named_vehicles(vehicles)} driven at the previous speed {text}{when}"
+        f"{named_vehicles(vehicles)} {drive} {text[1:]} {'faster' if text[0] == '+' else 'slower'} than before{when}"
         if text[:1] in ("+", "-")
-        else f"{named_vehicles(vehicles)} driven at {text} of the previous speed{when}"
+        else f"{named_vehicles(vehicles)} {drive} at {text} of the previous speed{when}"
     )
     return EditStep(changes, vehicles, what, since=since, measure=measured)
 

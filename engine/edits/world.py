@@ -64,7 +64,7 @@ def transformed(edit: Edit, xml: Path, scene: Scene, drive: Callable[[], Track |
     root = etree.parse(xml, etree.XMLParser(resolve_entities=False, huge_tree=True)).getroot()
     what = TRANSFORMS[edit.op](edit, root, scene, drive)
     if edit.op in _MOVES_PLACES_OR_TIMES and without_scripts(root):
-        what += "; motions that depended on the ego are now fixed, as for an ordinary ego"
+        what += "; motions that depended on the ego are now fixed, as for an ego that SUMO drives"
     output.write_bytes(etree.tostring(root.getroottree(), xml_declaration=True, encoding="UTF-8"))
     return what
 
@@ -435,10 +435,10 @@ def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
                 _write_cycle(lights[ref], phases)
                 changed.append(int(ref or 0))
     cycle = ", ".join(f"{colour} {steps * scene.step_s:g} s" for steps, colour in phases)
-    new = f"; added a light to lanelet {', '.join(map(str, lit_now))}" if lit_now else ""
+    new = f"added a light to lanelet {', '.join(map(str, lit_now))}; " if lit_now else ""
     shown = sorted(set(changed))
     who = f"light {shown[0]} repeats" if len(shown) == 1 else f"lights {', '.join(map(str, shown))} repeat"
-    return f"{who} the cycle {cycle} from 0 s on{new}"
+    return f"{new}{who} the cycle {cycle} from 0 s on"
 
 
 def _phase(text: str, step_s: float) -> tuple[int, str]:
@@ -597,10 +597,10 @@ def _set_weather(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], T
     of_road = f" (road surface: {conditions.road.replace('_', ' ')})" if conditions.road else ""
     before = "" if scene.friction is None else f", {scene.friction:g} before"
     notes.append(
-        f"friction {conditions.friction:g}{of_road}{before}: tyres hold at most "
+        f"friction {conditions.friction:g}{of_road}{before}: tyres can sustain at most "
         f"{conditions.friction * GRAVITY_MPS2:.2f} m/s², "
-        "longitudinal and lateral combined. Planners, reference drivers, motion checks and vehicles that SUMO drives "
-        "from now on use it; motions that were recorded or driven before stay unchanged"
+        "longitudinal and lateral combined. From now on it applies to planners, reference drivers, motion checks and "
+        "vehicles driven by SUMO; motion already recorded or simulated stays unchanged"
     )
     return "; ".join(notes)
 

@@ -162,7 +162,7 @@ class Judge:
         left = ""
         if self._goal_end_m is not None and self._beyond_m(ego) < 0:
             here_m = self._follower.place(ego.position)[0]
-            left = f", {self._reference.way_m(here_m, self._goal_end_m):.1f} m before the goal's end"
+            left = f", {self._reference.way_m(here_m, self._goal_end_m):.1f} m short of the goal region's end"
         return Verdict("timeout", f"ran out of time after {limit}{left}")
 
     def _outcome_of_stays(self) -> Outcome:

@@ -116,7 +116,7 @@ def own_planner(name: str) -> Found:
         raise UnknownName(
             f"there is no planner '{name.strip()}'",
             valid=closest(name, names) or list(names),
-            next_step="choose one of these, or install your own in the same environment",
+            next_step="choose one of these, or install your own in the server's Python environment",
         )
     if found.fault:
         raise PlannerFailure(found.fault, reason="name_taken")

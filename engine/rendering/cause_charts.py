@@ -197,13 +197,16 @@ def strata(runs: RunSet) -> Drawing:
     low = (62 + 24 * legend_rows) / height
     axes = figure.add_axes((0.27, low, 0.7, each * len(rows) / height))
     texts = []
+    full = {record.config_id: record.config_name for record in runs.records}
     for row, stratum in enumerate(rows):
+        reached = list[str]()
         for number, config in enumerate(shown):
             rate = runs.rate(record for record in stratum.records if record.config_id == config)
             offset = (number - (len(shown) - 1) / 2) * 0.8 / len(shown)
             _draw_rate(axes, row + offset, rate, filled=True, colour=series_style(number)[0])
             if rate.share is not None:
-                texts.append(f"{stratum.level}, {names[config]} {rate.count} of {rate.of}")
+                reached.append(f"{full[config]} {rate.count} of {rate.of}")
+        texts += [f"{stratum.level}: {', '.join(reached)}"] if reached else []
         if row and rows[row - 1].factor != stratum.factor:
             axes.axhline(row - 0.5, color="#9A9A9A", linewidth=0.9)
     axes.set_yticks(range(len(rows)), [_stratum_label(stratum) for stratum in rows])
@@ -217,7 +220,7 @@ def strata(runs: RunSet) -> Drawing:
     )
     more = len(configs) - len(shown)
     notes = (f"configurations not shown: {more}",) if more else ()
-    return Drawing(figure, f"Goal reached by condition: {'; '.join(texts)}.", notes)
+    return Drawing(figure, f"Goal reached, by condition: {'; '.join(texts)}.", notes)
 
 
 _MOST_CONFIGS = 4

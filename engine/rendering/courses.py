@@ -297,7 +297,7 @@ def _marks(record: RunRecord, review: RunReview) -> list[_Mark]:
             marks.append(_Mark(near.time_s, f"closest: {near.gap_m:.2f} m to {near.other} {near.place}"))
         if urgent is not None:
             least = measured(urgent.time_to_collision_s, 2)
-            words = f"least time to collision: {least} s with {urgent.other} {urgent.place}"
+            words = f"shortest time to collision: {least} s with {urgent.other} {urgent.place}"
             marks.append(_Mark(urgent.time_s, words))
         if record.metrics is not None:
             marks.append(_Mark(record.metrics.duration_s, record.outcome.replace("_", " "), decisive=True))
@@ -310,7 +310,9 @@ def _marks(record: RunRecord, review: RunReview) -> list[_Mark]:
 
 
 def _contact_marks(contact: Contact) -> Iterable[_Mark]:
-    yield _Mark(contact.time_s, re.sub(r" at [\d.]+ s$", "", contact.in_words().partition(" (")[0]), decisive=True)
+    yield _Mark(
+        contact.time_s, re.sub(r" at [\d.]+ s(?=,|$)", "", contact.in_words().partition(" (")[0]), decisive=True
+    )
     if contact.came_in_s is not None:
         yield _Mark(contact.came_in_s, f"{contact.obstacle_class} {contact.obstacle_id} and the ego enter one path")
     if contact.braked_since_s is not None:

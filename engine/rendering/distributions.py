@@ -8,6 +8,7 @@ import numpy as np
 from ...schemas.errors import NotPossible
 from ...schemas.measures import metric_words
 from ...schemas.results import figure as in_figures
+from ...schemas.results import with_unit
 from ...schemas.runs import RunRecord
 from ..analysis import METRICS, MetricSpec, RunSet
 from ..geometry import Values
@@ -58,8 +59,8 @@ def distributions(runs: RunSet) -> Drawing:
     write_title(figure, "Metrics of the runs", f"{explanation}{joined}")
     more = len(runs.by_config(runs.valid)) - len(groups)
     notes = (f"configurations not shown: {more}",) if more else ()
-    shown = " | ".join(names[config] for config in groups)
-    return Drawing(figure, f"Distributions, medians of {shown}: {'; '.join(texts)}.", notes)
+    shown = " | ".join(records[0].config_name for records in groups.values())
+    return Drawing(figure, f"Distributions; medians for {shown}: {'; '.join(texts)}.", notes)
 
 
 def _values(spec: MetricSpec, records: Sequence[RunRecord]) -> Values:
@@ -103,7 +104,7 @@ def _draw_metric(axes: "Axes", spec: MetricSpec, groups: dict[str, list[RunRecor
     words = metric_words(spec.name).partition(" (")[0]
     axes.set_title(f"{words}{unit}{better}{basis}{far}", fontsize=SMALL_PT + 1, loc="left", pad=5)
     medians = [in_figures(float(np.median(values))) if len(values) else "none" for values in samples]
-    return f"{metric_words(spec.name)} {' | '.join(medians)}"
+    return f"{metric_words(spec.name)} {with_unit(' | '.join(medians), spec.unit)}"
 
 
 def _shown_range(values: Values) -> tuple[float, float]:

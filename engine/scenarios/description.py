@@ -266,7 +266,8 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
     lanelets = lanelets_of_pose(network, point, scene.ego.heading_rad)
     route = ego_route(network, scene.lanelet_graph, problem)
     goals = goal_center_lanelets(network, problem)
-    route_text = "the goal has no position" if not goals else "no route leads to the goal"
+    off_map = "none, because the goal is on no lanelet" if goal_centers(problem) else "none"
+    route_text = "no route leads to the goal" if goals else off_map
     if route is not None:
         route_text = route.words
     return DescribedEgo(
@@ -300,7 +301,7 @@ def _goal_figures(problem: "PlanningProblem", step_s: float, start: Any) -> dict
 def _friction_words(friction: float | None) -> str:
     if friction is None:
         return ""
-    return f"; road friction {friction:g}: tyres hold at most {friction * GRAVITY_MPS2:.2f} m/s²"
+    return f"; road friction {friction:g}: tyres can sustain at most {friction * GRAVITY_MPS2:.2f} m/s²"
 
 
 def vehicle_words(name: str) -> str:
@@ -320,6 +321,8 @@ def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets:
     elif centers := goal_centers(problem):
         on = f" on lanelet{'s' * (len(lanelets) > 1)} {', '.join(map(str, lanelets[:3]))}" if lanelets else ""
         parts.append(f"region {float(np.linalg.norm(centers[0] - start)):.0f} m away{on}")
+    else:
+        parts.append("no position")
     first = states[0]
     if getattr(first, "time_step", None) is not None:
         time = _span(first.time_step, step_s)
@@ -411,7 +414,7 @@ def _goal(scene: Scene) -> str:
         return "problem: no planning problem"
     problem = scene.loaded.problem(scene.ego.problem_id)
     if not goal_center_lanelets(scene.network, problem):
-        return "ok: the goal has no position on a lanelet"
+        return "ok: the goal sets no position on a lanelet, so it needs no route"
     if ego_route(scene.network, scene.lanelet_graph, problem) is None:
         return "problem: no route leads from the ego's start to its goal"
     return "ok: lanelets lead from the ego's start to its goal"

@@ -163,20 +163,22 @@ _COST_WEIGHTS = (
     ),
     Weight(
         "orientation_offset",
-        "heading offset from the path, over the second half and at the end",
+        "heading offset from the path, over the candidate's second half and at its end",
         "straighter along the path",
         "core",
     ),
     Weight("path_length", "length of the candidate in m", "shorter, slower candidates", "ours"),
     Weight(
         "lane_center_offset",
-        "mean distance to the lane's centre, 5 m if off any lane",
+        "mean distance to the lane's centre, 5 m where there is no lane",
         "keeps to the lane's centre",
         "ours",
     ),
     Weight("velocity_offset", "norm of speed − desired speed", "keeps the desired speed", "core"),
     Weight("velocity", "|mean speed − speed that reaches the goal in time|", "arrives on time", "ours"),
-    Weight("distance_to_reference_path", "norm of the offset over the second half", "keeps to the path", "core"),
+    Weight(
+        "distance_to_reference_path", "norm of the offset over the candidate's second half", "keeps to the path", "core"
+    ),
     Weight(
         "distance_to_obstacles",
         "Σ 1 / smallest distance², with others assumed stationary",
@@ -185,11 +187,16 @@ _COST_WEIGHTS = (
     ),
     Weight(
         "prediction",
-        "1,000 × probability of a collision with the predicted others",
+        "1,000 × probability of a collision with predicted road users",
         "keeps clear of predicted motion",
         "core",
     ),
-    Weight("responsibility", "proximity that the ego is responsible for", "keeps lane, distance, right of way", "ours"),
+    Weight(
+        "responsibility",
+        "nearness to those that the ego must keep clear of",
+        "keeps its lane, distance and right of way",
+        "ours",
+    ),
 )
 """The thirteen weights of Frenetix in the order of the paper, with the meanings of its released code.
 
@@ -247,7 +254,7 @@ _CHANNELS = (
     Weight("orientation_offset", "mean (heading − path)² / (0.5 rad)²", "straighter along the path", "ours"),
     Weight("orientation_offset_final", "final (heading − path)² / (0.5 rad)²", "ends along the path", "ours"),
     Weight(
-        "prediction", "Σ 1 / Mahalanobis distance² to the predicted others", "keeps clear of predicted motion", "ours"
+        "prediction", "Σ 1 / Mahalanobis distance² to predicted road users", "keeps clear of predicted motion", "ours"
     ),
     Weight("distance_to_boundary", "mean 1 / clearance² to the road's edge", "keeps off the road's edge", "ours"),
 )
@@ -269,7 +276,7 @@ _CHANNEL_PRESETS = (
         _CHANNELS,
         "Safety-Conservative",
         "Safety",
-        "keep away from the predicted others and the road's edge",
+        "keep away from predicted road users and the road's edge",
         (0.6, 0.3, 0.5, 0.1, 0.1, 0.9, 0.4),
     ),
 )
@@ -290,7 +297,7 @@ _IDM_PARAMETERS = (
     ),
 )
 _IDM_PRESETS = (
-    _preset(_IDM_PARAMETERS, "Default", "Default", "the values of the model's source", (1.6, 2.0, 0.73, 1.67, 3.0)),
+    _preset(_IDM_PARAMETERS, "Default", "Default", "the values of the model's paper", (1.6, 2.0, 0.73, 1.67, 3.0)),
     _preset(_IDM_PARAMETERS, "Cautious", "Cautious", "large gaps, gentle", (2.4, 4.0, 0.6, 1.2, 2.0)),
     _preset(_IDM_PARAMETERS, "Sporty", "Sporty", "small gaps, brisk", (1.0, 1.5, 2.0, 3.0, 4.0)),
 )

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 from ...schemas.planning import PlannerSettings
+from ...schemas.text import class_noun
 from .classes import VehicleClass, nearest_class, vehicle_classes
 
 
@@ -134,7 +135,7 @@ class EgoClass:
     @property
     def in_words(self) -> str:
         """The class and its size, such as ``bus, 12 × 2.5 m``."""
-        return f"{self.name}, {self.vehicle.length_m:g} × {self.vehicle.width_m:g} m"
+        return f"{class_noun(self.name)}, {self.vehicle.length_m:g} × {self.vehicle.width_m:g} m"
 
 
 _SUMO_TRUCK_MPS2 = 7.0

@@ -240,7 +240,7 @@ class Comparison(Model):
     weights: tuple[WeightChange, ...] = Field(description="cost weights that differ")
     conditions: tuple[str, ...] = Field(description="other differences between the sides")
     strata: tuple[Stratum, ...] = Field((), description="if a side has several predictions, traffic modes or worlds")
-    unpaired: int = Field(description="runs of either side without a partner")
+    unpaired: int = Field(description="runs of either side without a counterpart")
     invalid_pairs: int = Field(description="pairs in which a run could not be attempted")
     headline_code: HeadlineCode = Field(description="stable code of what the pairs show about success")
     metrics_code: MetricsCode = Field("untested", description="stable code of what the metrics show")
@@ -320,7 +320,7 @@ def _comparison(comparison: Comparison, shown_flips: int) -> list[str]:
         lines.append(f"- the sides also differ in {'; '.join(comparison.conditions)}")
     if comparison.unpaired or comparison.invalid_pairs:
         lines.append(
-            f"- left out: {comparison.unpaired} runs without a partner, "
+            f"- left out: {comparison.unpaired} runs without a counterpart, "
             f"{comparison.invalid_pairs} pairs with an invalid run"
         )
     return lines
@@ -399,7 +399,7 @@ def _edited(comparison: Comparison) -> list[str]:
         return []
     lines = []
     for pair in comparison.edited[:_SHOWN_EDITED]:
-        parts = [*(f"without {edit}" for edit in pair.undone), *pair.done]
+        parts = [*(f"{edit} only in the first" for edit in pair.undone), *pair.done]
         more = len(parts) - _SHOWN_EDITS
         changes = "; ".join(parts[:_SHOWN_EDITS]) + (
             f"; {more} more: describe_scenario detail=recipe" if more > 0 else ""
@@ -453,7 +453,7 @@ def _tested(metrics: tuple[MetricTest, ...]) -> list[str]:
     shown = sorted(differing, key=lambda metric: (metric.p_holm or 0.0, metric.name))
     lines = [_metric(metric) for metric in shown]
     others = [metric for metric in metrics if metric not in differing]
-    for title, tested in (("not shown to differ (medians)", True), ("too few pairs for a test (medians)", False)):
+    for title, tested in (("medians, not shown to differ", True), ("medians, too few pairs for a test", False)):
         medians = [
             f"{metric_words(metric.name)} {_medians(metric)}"
             for metric in others

@@ -317,7 +317,7 @@ class UnexpectedFailure(PlannerForgeError):
         self.details = details
         self.incident = hashlib.sha256(f"{what}\n{details}".encode()).hexdigest()[:8]
         super().__init__(
-            f"{what} failed because of a server defect (incident {self.incident})",
+            f"{what} failed because of a bug in the server (incident {self.incident})",
             next_step="try other arguments, and report the incident with the server's log",
         )
 

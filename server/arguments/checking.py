@@ -137,9 +137,10 @@ def _explained(model: type[BaseModel], error: ValidationError, given: Mapping[st
     more = [f"and {len(details) - _SHOWN_PROBLEMS:,} more like these"] if len(details) > _SHOWN_PROBLEMS else []
     valid = [name for _, names in problems for name in names]
     corrected = _corrected(model, details, given)
-    remedies, step = list[Remedy](), "correct these arguments and call again"
+    these = "this argument" if len(details) == 1 else "these arguments"
+    remedies, step = list[Remedy](), f"correct {these} and call again"
     if all(detail["type"] == "missing" for detail in details):
-        step = "call again with this argument" if len(details) == 1 else "call again with these arguments"
+        step = f"call again with {these}"
     if corrected is not None:
         is_replaced = all(set(detail["loc"][:1]) <= {*corrected} for detail in details if detail["type"] in CHOICES)
         step = "" if is_replaced else "use a valid value"

@@ -60,7 +60,7 @@ def test_the_answer_states_only_what_is_new_for_the_ego() -> None:
     (changes,) = (line for line in text(SHIFTED).splitlines() if line.startswith("Change for "))
     for figure in ("1.49 m → 0 m", "within 60 s → 0 s", "4 → 0", "new collision with road user 39 at 6.5 s"):
         assert figure in changes
-    assert "No change for the ego: risk score (0 = collision, 5 = negligible) 4." in text(ego_after=CALM).splitlines()
+    assert "No change for the ego: risk score 4 (0 = collision, 5 = negligible)." in text(ego_after=CALM).splitlines()
     nearer = text(ego_after=CALM.model_copy(update={"minimum_distance_m": 0.7}))
     (change,) = (line for line in nearer.splitlines() if line.startswith("Change for "))
     assert change.endswith(": minimum distance 1.49 m → 0.7 m.")
@@ -132,7 +132,7 @@ def test_routes_without_a_target_are_reported_in_detail_only() -> None:
 
 def test_an_additionally_driven_vehicle_is_named_with_the_reason() -> None:
     reacting = SHIFTED.model_copy(update={"cause": "handed_over", "reason": "would hit 12 at 3.4 s"})
-    assert "Also simulated, to avoid a collision: 44 (would hit 12 at 3.4 s)." in text(reacting)
+    assert "Simulated instead of recorded, to avoid a collision: 44 (would hit 12 at 3.4 s)." in text(reacting)
 
 
 def test_the_vehicles_that_a_word_refers_to_follow_the_edit() -> None:

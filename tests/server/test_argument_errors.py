@@ -60,7 +60,7 @@ def test_good_arguments_become_their_model() -> None:
         (
             {"place": "B", "changes": [{"op": "add", "position_m": -11}]},
             "changes[0].position_m cannot be -11",
-            "a number of at least -10",
+            "a number, -10 or greater",
         ),
         ({"place": "B", "changes": [{"op": "add"}, 7]}, "changes[1] cannot be 7", None),
         ({"place": "Atlantis"}, "place: no map holds 'Atlantis' (given: 'Atlantis')", "text"),

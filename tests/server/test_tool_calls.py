@@ -157,7 +157,7 @@ async def test_defect_is_an_incident_without_traceback_and_is_logged(
 ) -> None:
     with caplog.at_level(logging.ERROR):
         text = await refused(connect, "break_down")
-    assert text.startswith("[unexpected] break_down failed because of a server defect (incident ")
+    assert text.startswith("[unexpected] break_down failed because of a bug in the server (incident ")
     assert "secret" not in text
     assert "Traceback" not in text
     incident = text.partition("incident ")[2].partition(")")[0]

@@ -65,7 +65,7 @@ async def write(path: str) -> str:
 async def defect() -> str:
     sys.stderr.write('incident 0badcafe:\n  File "/x/engine/maps/osm.py", line 7, in read\nValueError: too long\n')
     sys.stderr.flush()
-    return "[unexpected] defect failed because of a server defect (incident 0badcafe). Next: report it."
+    return "[unexpected] defect failed because of a bug in the server (incident 0badcafe). Next: report it."
 
 
 def serve_http() -> None:

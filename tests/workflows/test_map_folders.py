@@ -74,7 +74,7 @@ async def test_a_packed_map_is_unpacked_once(connect: Connect, monkeypatch: pyte
 async def test_a_map_that_was_mended_is_read_again(connect: Connect, folder: Path) -> None:
     async with connect() as client:
         before = str((await client.call_tool("describe_catalog", {"facet": "maps"})).content)
-        assert "generate_scenarios will read 2 more map files" in before
+        assert "2 map files not read yet; generate_scenarios reads new files" in before
         await client.call_tool("generate_scenarios", WISH)
         (folder / "half.osm").write_bytes((LIBRARY / "kreiselheim.osm").read_bytes())
         answer = await client.call_tool("generate_scenarios", {"place": "half", "duration_s": 5})

@@ -53,7 +53,7 @@ def _words_of(arguments: CompareResultsArguments, context: WorkflowContext) -> t
     if len(batches[0].read(BatchRecord).configs) == 1:
         older = batches[1].artifact_id
         raise InvalidRequest(
-            f"{newest} has one configuration, and the call gives no baseline",
+            f"{newest} has one configuration, and no baseline was given",
             valid=[f"results ['{older}', '{newest}']"],
             next_step="give both, the baseline first",
         )
@@ -108,8 +108,8 @@ def _sides_of(
         labels = ", ".join(side.label for side in sides)
         raise InvalidRequest(
             f"there is only one side to compare: {labels}",
-            valid=["two runs or batches", "one batch with several configurations"],
-            next_step="run another configuration on the same scenarios with run_planner",
+            valid=["two runs", "two batches", "one batch with several configurations"],
+            next_step="give a second run or batch",
         )
     if len(groups) == 1:
         return tuple(sides), (), ()

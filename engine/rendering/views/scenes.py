@@ -378,7 +378,7 @@ def _moments(source: RunSource, review: RunReview, first_step: int) -> Iterable[
         words = f"closest: {near.gap_m:.2f} m to {near.other} {near.place}"
         found.append(MomentView(step=step(near.time_s), words=words, decisive=record.collision is None))
     if (urgent := review.most_urgent) is not None:
-        words = f"least time to collision: {urgent.time_to_collision_s:.2f} s with {urgent.other} {urgent.place}"
+        words = f"shortest time to collision: {urgent.time_to_collision_s:.2f} s with {urgent.other} {urgent.place}"
         found.append(MomentView(step=step(urgent.time_s), words=words))
     found += [
         MomentView(step=step(one.time_s), words=f"largest {one.name}: {one.value:.2f} {one.unit}")

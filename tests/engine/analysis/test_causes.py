@@ -174,7 +174,8 @@ def test_goals_that_ask_for_no_driving_are_counted_apart(tmp_path: Path) -> None
     assert found.success_without is not None
     assert (found.success_without.count, found.success_without.of) == (1, 2)
     assert found.in_words().startswith(
-        "Goals that required no driving: at the start 1, by time alone 1, standing 1; without these runs, goal 1/2"
+        "3 goals required no driving (the start already met it: 1, it sets only a time: 1, the ego stood still: 1); "
+        "without these runs, goal 1/2"
     )
 
 

@@ -161,7 +161,7 @@ def test_bands_begin_with_their_lower_bound(time_s: float | None, band: str) -> 
 
 def test_a_line_tells_traffic_speed_lanes_and_manoeuvre() -> None:
     turning = made(features=["ego_turns_left", "ramp"], counts={"bus": 2, "car": 3, "truck": 2}, lanes=1)
-    assert summary(turning) == "3 cars, 2 buses, 2 trucks, ego 10.0 m/s on 1 lane, turns left"
+    assert summary(turning) == "3 cars, 2 buses, 2 trucks, ego 10.0 m/s (1 lane), turns left"
     assert summary(made(counts={}).model_copy(update={"egos": ()})) == "no traffic"
 
 

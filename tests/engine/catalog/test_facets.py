@@ -50,7 +50,7 @@ def test_all_facets_count_scenarios_the_most_frequent_first(three: sqlite3.Conne
 
 def test_speeds_are_counted_in_bands_that_begin_with_their_bound(three: sqlite3.Connection) -> None:
     assert counted(three, "all")["ego_speed"] == {"<5m/s": 1, "5..10m/s": 1, "10..20m/s": 0, ">=20m/s": 1}
-    assert notes(three, "all")["ego_speed"] == "at the start, up to 20 m/s"
+    assert notes(three, "all")["ego_speed"] == "at the start; highest 20 m/s"
     assert "ego_speed" not in counted(three, "all", frozenset())
 
 
@@ -105,4 +105,4 @@ def test_long_facets_are_shortened_with_the_number_of_hidden_entries() -> None:
     assert whole["road_net"]["speed_limit"] == 13
     assert "in 13 scenarios" in notes(many, "all")["speed_limit"], "as many as have the sign, whatever is listed"
     assert "1 more limit with facet road_net" in notes(many, "all")["speed_limit"]
-    assert "facet maps" in notes(many, "places")["places"]
+    assert "facet=maps" in notes(many, "places")["places"]

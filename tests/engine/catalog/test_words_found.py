@@ -77,7 +77,8 @@ def test_a_tag_that_is_a_feature_too_is_counted_as_both() -> None:
 def test_words_of_a_text_are_reported_by_where_they_were_found(three: sqlite3.Connection) -> None:
     found = answer(three, text="bikes at a roundabout")
     assert found.notes == (
-        "Scenarios with words of the text: 'bikes' (bicycle): 1 (obstacle); 'roundabout': 1 (tag), 1 (feature).",
+        "Found words of the text: 'bikes' (read as bicycle) in 1 scenario (obstacle); 'roundabout' in 1 scenario (tag), "
+        "1 scenario (feature).",
     )
     assert found.total == 3
 
@@ -93,7 +94,7 @@ def test_unknown_words_with_a_similar_meaning_still_rank(three: sqlite3.Connecti
     found = answer(three, likeness=0.3, text="gridlock")
     assert found.total == 3
     assert found.notes == (
-        "'gridlock' occurs in no title, tag, place or description; results are ordered by similar meaning.",
+        "'gridlock' occurs in no title, tag, place or description; results are ranked by semantic similarity.",
     )
 
 

@@ -72,7 +72,7 @@ AT_40 = rectangle_at(40.0, 0.0)
             "without entering it",
         ),
         (lambda: cruise(goal_state((30, 40), speed=(20.0, 25.0))), "goal_missed", "conditions unmet"),
-        (lambda: cruise(goal_state((35, 45), AT_40), stop_m=20.0), "timeout", "before the goal's end"),
+        (lambda: cruise(goal_state((35, 45), AT_40), stop_m=20.0), "timeout", "short of the goal region's end"),
         (lambda: cruise(goal_state((60, 70), AT_40, speed=(2.0, 4.0)), stop_m=40.0), "goal_missed", "was in the goal"),
     ],
 )
