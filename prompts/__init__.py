@@ -1,1 +1,1 @@
-"""MCP prompts: whole tasks to fill in, and each task of the paper with its five conditions."""
+"""MCP prompts: complete tasks with blanks to fill in, and each task of the paper with its five conditions."""

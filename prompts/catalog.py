@@ -98,7 +98,7 @@ _TASK_ARGUMENTS: Final[dict[str, str]] = {
 
 
 def listed_prompts() -> list[Prompt]:
-    """Return all prompts as a client lists them: first the paper's tasks, then the whole tasks to fill in."""
+    """Return all prompts as a client lists them: the paper's tasks, then complete tasks with blanks to fill in."""
     arguments = [PromptArgument(name=name, description=meaning) for name, meaning in _TASK_ARGUMENTS.items()]
     tasks = [
         Prompt(name=task, title=_TITLES[task][0], description=_TITLES[task][1], arguments=arguments) for task in TASKS

@@ -21,7 +21,7 @@ LONGEST_PATH = 4000
 class Model(BaseModel):
     """A frozen model that rejects unknown fields and numbers that are not finite.
 
-    Its validator is built at first use, because a starting server uses few models.
+    Its validator is built at first use, because the server uses few models at start-up.
     """
 
     model_config = ConfigDict(

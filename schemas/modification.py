@@ -519,7 +519,7 @@ def _route_text(route: VehicleRoute) -> str:
 def _within(sentences: Sequence[str], characters: int) -> list[str]:
     """Return the sentences, shortened to a total length if necessary; a long sentence loses its middle.
 
-    Its end is kept because it says why an edit is not done.
+    Its end is kept because it says why an edit was not made.
     """
     share = characters // max(len(sentences), 1)
     if sum(map(len, sentences)) <= characters:

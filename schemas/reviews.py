@@ -100,7 +100,7 @@ class Prevention(Model):
         return found.issuperset(starts)
 
     def in_words(self) -> str:
-        """Return which drivers prevent the collision from which start, and until when, as text."""
+        """Return as text which drivers prevent the collision, from which start, and how late they still can."""
         until = self.by_steering_until_s
         aside = "" if until is None else f"; swerving as late as {until:.1f} s prevents it"
         if not self.possible:
@@ -532,7 +532,7 @@ class RunReview(Model):
         return f"{line}; {least} with {urgent.other} {urgent.place} at {urgent.time_s:.1f} s."
 
     def motion_in_words(self) -> str:
-        """Return the largest motions with their times; empty if there are no steps."""
+        """Return the peak accelerations and jerks with their times; empty if there are no steps."""
         parts = [f"{one.name} {measured(one.value)} {one.unit} at {one.time_s:.1f} s" for one in self.largest]
         return f"Largest: {', '.join(parts)}." if parts else ""
 

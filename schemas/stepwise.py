@@ -39,7 +39,7 @@ class Line(Model):
 
 
 class Candidate(Line):
-    """A rejected candidate for the player, with at most one point per time step."""
+    """A rejected candidate trajectory, as shown in the player, with at most one point per time step."""
 
     x_m: tuple[float, ...] = Field(min_length=2, max_length=MOST_CANDIDATE_POINTS)
     y_m: tuple[float, ...] = Field(min_length=2, max_length=MOST_CANDIDATE_POINTS)

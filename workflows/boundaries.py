@@ -227,7 +227,10 @@ def _axes(
 
 
 async def _base(text: str, context: WorkflowContext) -> tuple[Artifact, int | None]:
-    """Return a stored scenario, or the scenario of a road, which is generated and stored on first use."""
+    """Return a scenario with its planning problem, if the text names one.
+
+    The scenario of a built-in road is generated and stored on first use.
+    """
     if text not in ROADS:
         return one_scenario(text, context)
     recipe = Recipe(tool=_TOOL, arguments={"road": text}, parents=(), seed=0, versions=versions_of())

@@ -19,7 +19,7 @@ from ..geometry import Values
 
 
 def truth(condition: NDArray[np.bool_]) -> Values:
-    """Return the signal of a condition that is only true or false."""
+    """Return the robustness signal of a Boolean condition: +inf where it is true, −inf where it is false."""
     return np.where(condition, np.inf, -np.inf)
 
 

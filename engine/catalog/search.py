@@ -1,4 +1,4 @@
-"""A catalogue search: strict filter, order of the matches, and the answer with its evidence and next steps.
+"""A catalogue search: the strict filter, the order of the matches, and the answer with its evidence and next steps.
 
 A diverse selection is a small set of matches that together cover many values. An entry covers values of several
 dimensions: features, obstacle types, lanes, and bands of speed, traffic and time to conflict. The greedy selection
@@ -176,7 +176,7 @@ class Search:
         return self._chosen(ordered, matches)
 
     def _first(self) -> list[_Entry]:
-        """Return the first matches in the requested order, for a search without a text; at most ``MOST_KEPT``."""
+        """Return the first matches in the requested order, for a search without text; at most ``MOST_KEPT``."""
         numbers, sort = self._matching, self.arguments.sort
         if sort == "match" or len(numbers) <= MOST_KEPT:
             chosen: Iterable[int] = numbers.first(MOST_KEPT)

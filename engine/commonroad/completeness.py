@@ -48,7 +48,7 @@ def complete(root: Any) -> None:
 
 
 def _is_old_network(root: Any) -> bool:
-    """Return whether a document is of format 2017a and contains only lanelets."""
+    """Return whether a document is in format 2017a and contains only lanelets."""
     return root.get("commonRoadVersion") == OLD_VERSION and {one.tag for one in root.iterfind("*")} == {"lanelet"}
 
 

@@ -60,7 +60,7 @@ def is_declared_utf8(content: bytes) -> bool:
 
 
 def is_2018b(root: "etree._Element") -> bool:
-    """Return whether a document is of format 2018b, in which obstacles carry their role in an element.
+    """Return whether a document is in format 2018b, in which obstacles carry their role in an element.
 
     A network of format 2017a counts too, because it has no obstacles.
     """

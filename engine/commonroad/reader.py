@@ -563,7 +563,7 @@ def parse_document(path: Path, limits: XmlLimits | None = None) -> "etree._Eleme
 def _parsed_document(
     path: Path, content: bytes, limits: XmlLimits, *, keeps_instructions: bool = False
 ) -> "etree._Element":
-    """Do what ``parse_document`` does; the bytes of a small file are already read."""
+    """Parse a document as ``parse_document`` does; ``content`` contains the whole file if it is small."""
     try:
         if not _is_surely_within(content, limits, _FEW_TAGS):
             scan_xml(path, limits)

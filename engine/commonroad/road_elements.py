@@ -170,7 +170,10 @@ class RoadDocument:
 
     @cached_property
     def driven(self) -> tuple[LaneletElement, ...]:
-        """The drawn lanelets except footways, where pedestrians walk in any direction and turn on the spot."""
+        """The lanelets whose bounds form an area (``is_drawn``), except footways.
+
+        On footways, pedestrians walk in any direction and turn on the spot.
+        """
         return tuple(lanelet for lanelet in self.drawn if not lanelet.is_footway)
 
     @cached_property

@@ -60,10 +60,10 @@ class Trigger:
     gap_s: float | None = None
 
     def in_words(self) -> str:
-        """Return text such as ``the ego comes within 2 s of it``, or ``the ego passes 35 m of lanelet 5``."""
+        """Return text such as ``the ego comes within 2 s of it``, or ``the ego passes lanelet 5 at 35 m``."""
         if self.gap_s is not None:
             return f"the ego comes within {self.gap_s:g} s of it"
-        return f"the ego passes {self.station_m:.0f} m of lanelet {self.lanelet_id}"
+        return f"the ego passes lanelet {self.lanelet_id} at {self.station_m:.0f} m"
 
     def holds(self, ego: Track, index: int, place: Points | None, center_of: Callable[[int], Points | None]) -> bool:
         """Return True if the trigger holds at a state of the ego.

@@ -71,7 +71,7 @@ class Changes:
         return replace(self, driven=driven, replays=replays, removed=removed)
 
     def with_replay(self, replay: Replay) -> "Changes":
-        """Return the changes with one more given track; ids stay ascending."""
+        """Return the changes with a replayed track added; ids stay in ascending order."""
         key = replay.track.obstacle_id
         driven = {other: plan for other, plan in self.driven.items() if other != key}
         return replace(self, driven=driven, replays=dict(sorted({**self.replays, key: replay}.items())))

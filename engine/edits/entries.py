@@ -167,7 +167,7 @@ def _at(place: Place) -> Remedy:
 
 
 def _alone_at(place: Place) -> Remedy:
-    """Return the edit for a single vehicle, at a different place."""
+    """Return the change of the edit to a single vehicle at a different place."""
     return Remedy((*_at(place).changes, *with_values(**dict.fromkeys(_SEVERAL)).changes))
 
 

@@ -267,7 +267,7 @@ def _next_light(scene: Scene, plan: DrivePlan) -> tuple[Signal, int, float]:
 def _speed_into_red(
     scene: Scene, signal: Signal, plan: DrivePlan, away_m: float, now_mps: float, limit_mps: float
 ) -> float | None:
-    """Return the speed, as near as possible to a vehicle's usual one, at which it crosses a line at red, or None."""
+    """Return the speed nearest a vehicle's usual one at which it crosses the stop line at a red light, or None."""
     usual = max(now_mps, 0.6 * limit_mps, _LEAST_MPS)
     low, high = (
         max(_SLOWEST_SHARE * usual, _LEAST_MPS),

@@ -539,7 +539,7 @@ def _across(scene: Scene, place: Place) -> Points:
 
 
 def road_across(scene: Scene, lanelet_id: int, point: Points, heading_rad: float) -> tuple[float, float]:
-    """Return where a crossing of the road at a point of a lanelet starts and ends: metres to the left of the point.
+    """Return where a crossing through a point of a lanelet starts and ends, in m to the left of that point.
 
     The first is on the right of the road, and usually negative.
     """

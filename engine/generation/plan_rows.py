@@ -88,7 +88,7 @@ class PlanRows:
         self._database, self._plan_id = database, plan_id
 
     def prepare(self, held: Iterable[Levels]) -> None:
-        """Store the workspace's scenarios from outside the plan, in place of those stored before.
+        """Store the workspace's scenarios that are not part of the plan, replacing those stored before.
 
         Raises:
             ResourceFailure: the database cannot be written.

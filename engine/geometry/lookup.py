@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 
 class Lookup:
-    """A table of ascending places and their values; returns what ``np.interp`` returns for one place."""
+    """A table of ascending positions and their values; returns what ``np.interp`` returns for a single position."""
 
     def __init__(self, places: ArrayLike, values: ArrayLike) -> None:
         self._places: list[float] = np.asarray(places, dtype=np.float64).tolist()

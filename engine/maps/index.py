@@ -1240,7 +1240,7 @@ def _splits(text: str) -> Iterator[tuple[str, str]]:
 
 @dataclass(frozen=True)
 class _RoadIndex:
-    """The roads of a map in its order, by key, by the key of the road that a section is part of, and by word."""
+    """Indices of a map's roads: map order, key, key of the whole road for a section, and first letters of a word."""
 
     order: dict[str, int] = field(default_factory=dict)
     by_key: dict[str, list[str]] = field(default_factory=dict)

@@ -170,7 +170,7 @@ def _first_passage(area: Any, path: Points, from_m: float) -> tuple[float, float
 
 
 def _inside_m(area: Any, ends: Points) -> float:
-    """Return the length inside an area of the line between two points (2, 2); 0 for fewer points."""
+    """Return the length of the line between two points (2, 2) that lies inside an area; 0 for fewer points."""
     import shapely
 
     inside_m = float(shapely.intersection(area, shapely.linestrings(ends)).length) if len(ends) > 1 else 0.0

@@ -1,4 +1,4 @@
-"""The numeric values of a configuration, its weights and settings, and their changes by assignments.
+"""The numeric values of a configuration (weights and settings), and assignments that change them.
 
 An assignment has the form ``jerk=0.5``, ``jerk*2``, ``jerk+0.1`` or ``jerk=lateral_jerk``.
 """

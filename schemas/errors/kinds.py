@@ -328,7 +328,7 @@ def error_to_report(raised: Exception, what: str) -> PlannerForgeError:
     From errors that tasks raised together, return the first that helps the caller.
 
     Args:
-        what: the tool, job or file that failed, for the incident of a defect.
+        what: the tool, job or file that failed; recorded in the incident if it is a defect.
     """
     leaves = leaves_of(raised)
     for leaf in leaves:

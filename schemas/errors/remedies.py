@@ -276,7 +276,7 @@ def _dropped(before: Any, after: Any, path: str = "") -> Iterator[str]:
 
 
 def _with_word(value: Any, word: str, other: str) -> Any:
-    """Return the value with a whole word of its texts replaced; numbers and parts of numbers stay unchanged."""
+    """Return the value with a whole word replaced in all its texts; numbers and parts of numbers stay unchanged."""
     if isinstance(value, dict):
         return {name: _with_word(part, word, other) for name, part in value.items()}
     if isinstance(value, list):

@@ -426,7 +426,7 @@ def _osmnx_set_up(services: MapServices, url: str, report_size: Callable[[int], 
 
 
 def _answer_of(question: _Question[_Read], url: str) -> _Read:
-    """Return the service's answer, validated; turn any failure into ``Trouble`` of the service."""
+    """Return the service's validated answer; raise ``Trouble`` for any failure."""
     from requests.exceptions import RequestException, Timeout
 
     try:

@@ -99,7 +99,7 @@ def follows_and_lies_beside(document: RoadDocument) -> Iterator[Defect]:
 
 @rule("error", why="A lane change is possible in one direction only, or back into another lane.")
 def one_way_neighbour(document: RoadDocument) -> Iterator[Defect]:
-    """A lanelet has a neighbour that does not list it on the side where it is."""
+    """A lanelet's neighbour does not list that lanelet as its own neighbour on the facing side."""
     known = document.by_id
     for lanelet in document.lanelets:
         for side, adjoining in lanelet.neighbours.items():

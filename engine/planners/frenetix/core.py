@@ -393,7 +393,10 @@ _CONSTANT = {
 def collision_probability(
     weight: float, step: PlanningStep, vehicle: VehicleParameters
 ) -> costs.CalculateCollisionProbabilityFast:
-    """Return the core's term ``prediction``; it is not in the handler, since it takes longer than all other terms."""
+    """Return the core's cost term ``prediction``.
+
+    It is not in the cost handler, because it takes longer than all other terms.
+    """
     counted = [(obstacle, _last_within_reach(obstacle, step, vehicle)) for obstacle in step.observation.obstacles]
     predictions = {o.obstacle_id: _core_prediction(o, last, step.frame) for o, last in counted if last > 0}
     return costs.CalculateCollisionProbabilityFast(

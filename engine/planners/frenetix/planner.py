@@ -55,7 +55,7 @@ _MADE_AT_ONCE = 16
 
 
 class Frenetix:
-    """Frenetix as a planner of the loop; see :class:`plannerforge.engine.planners.interface.Planner`."""
+    """Frenetix as a planner in the planning loop; see :class:`plannerforge.engine.planners.interface.Planner`."""
 
     def __init__(
         self,

@@ -2,9 +2,9 @@
 
 Until the driver reacts, the ego follows a :class:`NominalMotion`: as driven, or along its lane at its initial speed.
 After that it brakes as the driver wants, keeps its speed in between, and follows the same path. A drive ends when the
-ego stands, or when the ego and the other road user can no longer meet. An ego that still rolls has not prevented the
-collision. If the other road user's track ends earlier, it continues straight at its last speed, or keeps braking to a
-standstill if it was braking.
+ego has stopped, or when the ego and the other road user can no longer meet. An ego that is still rolling has not
+prevented the collision. If the other road user's track ends earlier, it continues straight at its last speed, or keeps
+braking to a standstill if it was braking.
 """
 
 from collections.abc import Sequence

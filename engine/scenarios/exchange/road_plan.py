@@ -1,6 +1,6 @@
 """Plan which OpenDRIVE roads represent the lanelets of a network, and how they join.
 
-Roads that end together and the roads that start at the same point are a joint. At a fork the starting roads are
+A joint consists of the roads that end at a point and the roads that start there. At a fork the starting roads are
 connecting roads of a junction, at a merge the ending roads. ASAM requires that a connecting road has one incoming road,
 which must not be a connecting road (``one_connection_element``, ``connect_road_no_incoming_road``). Therefore common
 roads of almost no length, bridges, are inserted before or after some connecting roads; and if several roads end and

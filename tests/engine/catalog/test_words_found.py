@@ -77,8 +77,10 @@ def test_a_tag_that_is_a_feature_too_is_counted_as_both() -> None:
 def test_words_of_a_text_are_reported_by_where_they_were_found(three: sqlite3.Connection) -> None:
     found = answer(three, text="bikes at a roundabout")
     assert found.notes == (
-        "Found words of the text: 'bikes' (read as bicycle) in 1 scenario (obstacle); 'roundabout' in 1 scenario (tag), "
-        "1 scenario (feature).",
+        (
+            "Found words of the text: 'bikes' (read as bicycle) in 1 scenario (obstacle); "
+            "'roundabout' in 1 scenario (tag), 1 scenario (feature)."
+        ),
     )
     assert found.total == 3
 
