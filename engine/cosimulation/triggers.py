@@ -91,7 +91,7 @@ def _is_within(ego: Track, index: int, place: Points, seconds: float) -> bool:
 
 @dataclass(frozen=True)
 class ScriptPart:
-    """Acts, with the step at which they start for an ordinary ego, and their trigger (None: they start at a time).
+    """Acts, with the step at which they start for SUMO's ego, and their trigger (None: they start at a time).
 
     A part without acts starts the motion of a road user that has been standing at its first position.
     """

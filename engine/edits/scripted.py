@@ -221,7 +221,7 @@ def _thinned(points: Points) -> Points:
 def _begin_of(edit: Edit, scene: Scene, changes: Changes, track: Track) -> tuple[int, Trigger | None]:
     """Return the step at which an edit starts, and its trigger.
 
-    The edit starts at its time, when its trigger holds for an ordinary ego, or at the first step at which ego and
+    The edit starts at its time, when its trigger holds for SUMO's ego, or at the first step at which ego and
     vehicle are present.
 
     Raises:
@@ -253,7 +253,7 @@ def _since(edit: Edit, made: Mapping[int, tuple[int, float, Track]], step_s: flo
 
 
 def _triggered(edit: Edit, scene: Scene, changes: Changes, track: Track) -> tuple[int, Trigger]:
-    """Return the step at which the trigger of an edit holds for an ordinary ego, and the trigger.
+    """Return the step at which the trigger of an edit holds for an ego that SUMO drives, and the trigger.
 
     Raises:
         InvalidRequest: a time is also given, or there is no such trigger.

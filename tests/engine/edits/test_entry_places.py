@@ -42,7 +42,7 @@ def test_several_vehicles_with_a_destination_enter_on_the_route_to_it(apply: App
 
 def test_several_vehicles_on_one_lanelet_are_reported_together(apply: Apply) -> None:
     edit = apply(CAR | {"at": "13", "position": "20m", "count": 3, "spacing_m": 12}, dry_run=True).outcome.edits[0]
-    assert edit.what.startswith("car 101, 102, 103 on lanelet 13 from 20.0 to 44.0 m, 12 m apart")
+    assert edit.what.startswith("cars 101, 102, 103 on lanelet 13 from 20.0 to 44.0 m, 12 m apart")
 
 
 def test_vehicles_that_would_overlap_are_refused_with_the_least_spacing_that_works(apply: Apply) -> None:

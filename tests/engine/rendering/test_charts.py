@@ -53,9 +53,11 @@ def test_strata_contain_every_valid_run_once_for_each_factor() -> None:
     ]
     runs = tuple(source(record(name, "timeout" if name == names[0] else "goal_reached")) for name in names)
     text = words("strata", (*runs, source(record("ZAM_X-1_1_T-1", "invalid"))), *known)
-    for said in ("highway, Default 1 of 2", "road unknown, Default 4 of 4", "0 vehicles/km, Default 0 of 1"):
+    default = "frenetix:Default"
+    for said in (f"highway: {default} 1 of 2", f"road unknown: {default} 4 of 4", f"0 vehicles/km: {default} 0 of 1"):
         assert said in text
-    assert "under 20/km, Default 1 of 1; 20 to 50/km, Default 3 of 3; 50/km and more, Default 1 of 1" in text
+    busier = f"under 20/km: {default} 1 of 1; 20 to 50/km: {default} 3 of 3; 50/km and more: {default} 1 of 1"
+    assert busier in text
 
 
 def test_strata_of_runs_that_do_not_differ_are_refused() -> None:
@@ -72,7 +74,7 @@ def test_distributions_give_the_median_of_each_configuration() -> None:
     before = [source(measured(number, DEFAULT, value)) for number, value in enumerate((1.0, 2.0, 100_115.84))]
     after = [source(measured(number, SAFE, value)) for number, value in enumerate((1.5, 2.5, 3.5))]
     text = words("distributions", (*before, *after))
-    assert "medians of Default | Safe: minimum distance 2 | 2.5" in text
+    assert "medians for frenetix:Default | frenetix:Safe: minimum distance 2 | 2.5 m" in text
     assert "headway" not in text
     assert "mean total cost" not in text  # means nothing across configurations
 
