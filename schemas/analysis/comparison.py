@@ -332,7 +332,9 @@ def _checked_by(comparison: Comparison) -> list[str]:
         return []
     more = 2 * comparison.success.pairs - len(comparison.run_ids[:_SHOWN_RUNS])
     rest = f" +{more}" if more > 0 else ""
-    return [f"- runs: {' '.join(comparison.run_ids[:_SHOWN_RUNS])}{rest}"]
+    shown = comparison.run_ids[:_SHOWN_RUNS]
+    pairs = "; ".join(f"{one}, {other}" for one, other in zip(shown[::2], shown[1::2], strict=True))
+    return [f"- runs (baseline, other): {pairs}{rest}"]
 
 
 def _cost(cost: UncomparedCost | None) -> list[str]:
