@@ -446,7 +446,7 @@ class ModifyScenarioResult(Result):
             labels = [f"{vehicle.vehicle_id}{f' ({vehicle.reason})' * bool(vehicle.reason)}" for vehicle in reacting]
             most, _ = self._most(_MOST_TOUCHED)
             more = f" and {len(labels) - most} more" if len(labels) > most else ""
-            lines.append(f"Simulated instead of recorded, to avoid a collision: {', '.join(labels[:most])}{more}.")
+            lines.append(f"Simulated instead of recorded, to avoid collisions: {', '.join(labels[:most])}{more}.")
         lines += [*self._moved(), *self._previously_standing()]
         if self.detail == "checks":
             lines += first_of([_touched_text(vehicle) for vehicle in self.touched], *self._most(0))

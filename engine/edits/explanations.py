@@ -222,7 +222,7 @@ def why_handed_over(edited: EditedScene) -> dict[int, str]:
         others = [track for other, track in as_driven.items() if other != key]
         hits = new_overlaps([recorded[key]], others, recorded, edited.changes.shifts)
         if hits:
-            reasons[key] = f"would otherwise hit {hits[0].second} at {hits[0].step * edited.scene.step_s:.1f} s"
+            reasons[key] = f"would hit {hits[0].second} at {hits[0].step * edited.scene.step_s:.1f} s"
     return reasons
 
 

@@ -193,7 +193,7 @@ _COST_WEIGHTS = (
     ),
     Weight(
         "responsibility",
-        "nearness to those that the ego must keep clear of",
+        "nearness to road users that the ego must keep clear of",
         "keeps its lane, distance and right of way",
         "ours",
     ),

@@ -132,7 +132,7 @@ def test_routes_without_a_target_are_reported_in_detail_only() -> None:
 
 def test_an_additionally_driven_vehicle_is_named_with_the_reason() -> None:
     reacting = SHIFTED.model_copy(update={"cause": "handed_over", "reason": "would hit 12 at 3.4 s"})
-    assert "Simulated instead of recorded, to avoid a collision: 44 (would hit 12 at 3.4 s)." in text(reacting)
+    assert "Simulated instead of recorded, to avoid collisions: 44 (would hit 12 at 3.4 s)." in text(reacting)
 
 
 def test_the_vehicles_that_a_word_refers_to_follow_the_edit() -> None:
