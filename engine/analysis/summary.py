@@ -233,7 +233,7 @@ def _notes(
         words = f"{cells}; the first: {first.scenario_id} with "
         yield words + f"{first.config_id}: {first.error}", {"lost_cells": len(request.lost)}
     if request.where:
-        words = f"{' and '.join(request.where)} applies to {len(runs.sources)} of {counted(len(request.runs), 'run')}"
+        words = f"{' and '.join(request.where)} applies to {len(runs.sources)} of {len(request.runs)} runs"
         yield words, {"asked_runs": len(request.runs)}
     older = sum(record.success_rule == "driven@1" for record in runs.valid) if request.detail == "summary" else 0
     if older and len(runs.sources) > 1:

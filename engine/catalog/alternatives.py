@@ -182,9 +182,7 @@ def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: Emptied
         return f"some of the {len(entering)} candidates satisfy each of {names}, but no candidate satisfies all"
     alternatives = [_alternatives(connection, constraint, funnel, entering) for constraint in reason.constraints]
     existing = "; ".join(values for values in alternatives if values)
-    return f"0 of {counted(len(entering), 'candidate')} satisfy {names}" + (
-        f"; available {existing}" if existing else ""
-    )
+    return f"0 of {len(entering):,} candidates satisfy {names}" + (f"; available {existing}" if existing else "")
 
 
 def _alternatives(connection: sqlite3.Connection, constraint: Constraint, funnel: Funnel, entering: EntrySet) -> str:
