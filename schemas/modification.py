@@ -540,7 +540,7 @@ def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bo
     ]
     if not new:
         return [f"No change for the ego: {_RISK} {now[_RISK]}{scale}."]
-    ego = "an ego that does not react to the edits" if blind else "the ego"
+    ego = "an ego that ignores the edits" if blind else "the ego"
     return [f"Change for {ego}: {', '.join(new)}."]
 
 
