@@ -92,6 +92,8 @@ def print_report(report: SuiteReport, console: Console) -> None:
         console.print(f"- {escape(_case_text(case))}", highlight=False, soft_wrap=True)
     if len(failed) > _SHOWN:
         console.print(f"… {len(failed) - _SHOWN} more in {report.batch_id}", highlight=False)
+    for progress in report.progress:
+        console.print(escape(progress.in_words()), highlight=False, soft_wrap=True)
     for note in report.notes:
         console.print(f"Note: {escape(note)}", highlight=False, soft_wrap=True)
     console.print(_headline(report), highlight=False, soft_wrap=True)
@@ -202,6 +204,8 @@ def markdown(report: SuiteReport) -> str:
         lines += ["", f"{len(failed)} of {counted(len(report.cases), 'run')} did not reach the goal:", ""]
         lines += [f"- {_cell(_case_text(case))}" for case in failed[:_SHOWN]]
         lines += [f"- … {len(failed) - _SHOWN} more"] * (len(failed) > _SHOWN)
+    if report.progress:
+        lines += ["", *(f"- {_cell(progress.in_words())}" for progress in report.progress)]
     return "\n".join([*lines, ""])
 
 

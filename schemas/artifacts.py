@@ -30,6 +30,7 @@ ExportFormat = Literal[
     "parquet",
     "opendrive",
     "openscenario",
+    "suite",
 ]
 CostFunctionId = Literal["JB1", "SA1", "WX1", "SM1", "SM2", "SM3", "MW1", "TR1", "TR2"]
 """CommonRoad's cost functions by their identifiers in a benchmark id."""
@@ -168,7 +169,7 @@ class ExportArtifactsArguments(Arguments):
     """Write files of artifacts into a folder inside an allowed root.
 
     html: one report on scenarios and batches; solution: CommonRoad file of a run; csv, parquet: runs of a batch, steps
-    of a run; opendrive, openscenario: scenarios for other tools.
+    of a run; opendrive, openscenario: scenarios for other tools; suite: runs or a batch as a test suite.
 
     Existing files are refused unless overwrite.
     """

@@ -187,6 +187,7 @@ class FailureSearchRecord(Model):
     unavoidable: int = Field(description="runs with a failure that no careful driver avoids")
     strata: tuple[str, ...] = Field(description="what was varied")
     failures: tuple[FoundFailure, ...] = Field((), description="the distinct failures")
+    batch_id: str | None = Field(None, description="their runs, reduced if `shrink`, as a batch; null without any")
 
 
 class FindFailuresResult(Result):

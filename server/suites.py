@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ..engine.tuning import DEFAULT_CONFIGURATION, read_yaml
-from ..schemas.analysis.suite import Suite, SuiteConfiguration, SuiteFile, SuiteFiles
+from ..schemas.analysis.suite import Suite, SuiteConfiguration, SuiteFile, SuiteFiles, SuiteWeightFile
 from ..schemas.catalog import FindScenariosArguments
 from ..schemas.errors import InvalidRequest
 from ..schemas.generation import GenerateScenariosArguments
@@ -76,7 +76,7 @@ def _scenario(
             raise InvalidRequest(f"{quoted(', '.join(map(str, entry)))} is not a scenario", valid=_ENTRIES)
         ((kind, value),) = entry.items()
         if kind == "files":
-            return read_arguments(SuiteFiles, {"path": value})
+            return read_arguments(SuiteFiles, value if isinstance(value, dict) else {"path": value})
         if not isinstance(value, dict):
             raise InvalidRequest(f"{kind}: {quoted(str(value))} is not a mapping of arguments", valid=_ENTRIES)
         if kind == "find":
@@ -84,10 +84,12 @@ def _scenario(
         return read_arguments(GenerateScenariosArguments, value)
 
 
-def _configuration(entry: str | dict[str, Any], place: str) -> str | SuiteConfiguration:
+def _configuration(entry: str | dict[str, Any], place: str) -> str | SuiteConfiguration | SuiteWeightFile:
     if isinstance(entry, str):
         return entry
     with _at(place):
+        if "file" in entry:
+            return read_arguments(SuiteWeightFile, entry)
         given = {"base": DEFAULT_CONFIGURATION, **entry}
         name = str(given.pop("name", ""))
         return SuiteConfiguration(name=name, arguments=read_arguments(ConfigurePlannerArguments, given))

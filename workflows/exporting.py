@@ -50,6 +50,7 @@ from .operations import (
 )
 from .rendering import draw, make_view, named_artifact
 from .results import driven_by, run_sources, scenario_sources
+from .suite_export import write_suite
 
 _FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "goal_late", "goal_early", "goal_refused")
 """Outcomes that a report shows first: all of them are failures of the planner."""
@@ -71,7 +72,10 @@ async def export_artifacts(arguments: ExportArtifactsArguments, context: Workflo
     )
     if not arguments.overwrite:
         refuse_existing([export.path for export in planned] + ([report, *views.values()] if report else []))
-    files = [await _write(context, export) for export in planned]
+    files = []
+    if "suite" in arguments.formats:
+        files += write_suite(artifacts, folder, context, overwrite=arguments.overwrite)
+    files += [await _write(context, export) for export in planned]
     if report is not None:
         files += await _write_report(context, artifacts, report, views)
     return ExportArtifactsResult(folder=_shown(folder), files=tuple(files))

@@ -36,11 +36,11 @@ from ..schemas.planning import PlannerConfiguration
 from ..schemas.text import counted
 from ..schemas.worlds import world_of
 from .boundaries import EXPLORED_FOLDER
-from .configurations import resolve_configuration
+from .configurations import resolve_configuration, store_configuration
 from .context import WorkflowContext
 from .modification import base_and_edits, modified_once
 from .operations import EVALUATE_IN_SPACE, OPEN_SPACE, PROPOSE_POINTS, SHRINK_FAILURE
-from .runs import Cell, own_versions, run_cell
+from .runs import Cell, CellResult, own_versions, run_cell, store_batch
 from .scenarios import one_scenario
 
 _TOOL = "find_failures"
@@ -58,7 +58,11 @@ class _Batch(Model):
 
 @dataclass
 class _Search:
-    """A search in progress; ``digest`` identifies everything that determines its points, but not its budget."""
+    """A search in progress.
+
+    ``digest`` identifies everything that determines its points, but not its budget. ``stored``: the runs of the
+    failures stored so far, by id.
+    """
 
     arguments: FindFailuresArguments
     context: WorkflowContext
@@ -68,6 +72,7 @@ class _Search:
     digest: str
     space: SearchSpace | None = None
     batches: list[_Batch] = field(default_factory=list)
+    stored: dict[str, tuple[Cell, CellResult]] = field(default_factory=dict)
 
     @property
     def points(self) -> list[EvaluatedPoint]:
@@ -215,6 +220,7 @@ class _Search:
             unavoidable=sum(point.evaluation.outcome == "failed_unavoidably" for point in points),
             strata=tuple(stratum.name for stratum in space.strata),
             failures=tuple(failures),
+            batch_id=self.together(failures),
         )
 
     async def _stored(self, space: SearchSpace, cell: str, hits: Sequence[EvaluatedPoint], number: int) -> FoundFailure:
@@ -265,6 +271,7 @@ class _Search:
         )
         made = await modified_once(arguments, self.context)
         scenario_id = str(made.scenario_id)
+        store_configuration(self.context, self.configuration)
         cell = Cell(
             scenario_id,
             self.setting.problem_id,
@@ -276,8 +283,19 @@ class _Search:
         )
         result = await run_cell(self.context, cell)
         run_id = "" if result.record is None else result.record.run_id
+        self.stored[run_id] = cell, result
         self.context.made("run", run_id)
         return scenario_id, run_id
+
+    def together(self, failures: Sequence[FoundFailure]) -> str | None:
+        """Store the runs of the failures, of the reduced ones if there are some, as a batch, and return its id."""
+        runs = dict.fromkeys(one.run_id if one.shrunk is None else one.shrunk.run_id for one in failures)
+        made = [self.stored[run_id] for run_id in runs if run_id in self.stored]
+        if not made:
+            return None
+        batch = store_batch(self.context, [cell for cell, _ in made], [result for _, result in made])
+        self.context.made("batch", batch.batch_id)
+        return batch.batch_id
 
     @property
     def _base(self) -> str:
@@ -388,8 +406,11 @@ async def find_failures(arguments: FindFailuresArguments, context: WorkflowConte
     for failure in record.failures:
         context.made("scenario", failure.scenario_id)
         context.made("run", failure.run_id)
+    if record.batch_id is not None:
+        context.made("batch", record.batch_id)
     following = (
-        f"render ids=['{record.failures[0].run_id}'], or analyze_results of it"
+        f"render ids=['{record.failures[0].run_id}'], or export_artifacts with ids ['{record.batch_id}'] and formats "
+        "['suite'] to test later versions"
         if record.failures
         else "repeat with more runs, reactive traffic or another scenario"
     )

@@ -38,6 +38,8 @@ _ENDINGS = {
 _WITH = {"openscenario": ("opendrive",), "json": ("steps", "series")}
 """Additional files of a format: files that it refers to, and for a run what its record lacks."""
 REPORT_NAME = "report.html"
+_SHARED = ("html", "suite")
+"""Formats with files for all artifacts together."""
 _READABLE = 0o644
 """Temporary files are private; other users may read exports."""
 
@@ -66,7 +68,7 @@ def plan_exports(
 ) -> tuple[Export, ...]:
     """Return the files to write, or every stored file if no formats are given.
 
-    ``html`` is not included, since it is one page for all artifacts.
+    ``html`` and ``suite`` are not included, since all artifacts share their files.
 
     Raises:
         InvalidRequest: An artifact does not have a requested format.
@@ -74,7 +76,7 @@ def plan_exports(
     return tuple(
         Export(artifact, form, folder / (artifact.artifact_id + _ENDINGS.get(form, f".{form}")))
         for artifact in artifacts
-        for form in _formats(workspace, artifact, [form for form in formats if form != "html"], bool(formats))
+        for form in _formats(workspace, artifact, [form for form in formats if form not in _SHARED], bool(formats))
     )
 
 

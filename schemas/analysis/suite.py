@@ -3,8 +3,8 @@
 A suite is a YAML file that people write and keep next to their code (``docs/gate.md``).
 """
 
-from collections.abc import Mapping
-from typing import Any, Literal
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, Literal
 
 from pydantic import Field
 
@@ -30,9 +30,13 @@ class SuiteFile(Model):
 
 
 class SuiteFiles(Model):
-    """A CommonRoad file, or a folder of them, next to the suite."""
+    """A CommonRoad file, or a folder of them, next to the suite.
+
+    ``problem``: one of the planning problems of a file; None means the first.
+    """
 
     path: str
+    problem: int | None = None
 
 
 class SuiteConfiguration(Model):
@@ -40,6 +44,13 @@ class SuiteConfiguration(Model):
 
     name: str
     arguments: ConfigurePlannerArguments
+
+
+class SuiteWeightFile(Model):
+    """A file with cost weights and settings next to the suite; ``name`` identifies it in limits and reports."""
+
+    name: str = Field("", description="empty: the name that follows from its content")
+    file: str
 
 
 class Suite(Model):
@@ -50,7 +61,7 @@ class Suite(Model):
 
     name: str
     scenarios: tuple[str | SuiteFiles | FindScenariosArguments | GenerateScenariosArguments, ...]
-    configurations: tuple[str | SuiteConfiguration, ...]
+    configurations: tuple[str | SuiteConfiguration | SuiteWeightFile, ...]
     prediction: Prediction
     traffic: Traffic
     seed: int
@@ -77,6 +88,35 @@ class SuiteCase(Model):
     duration_s: float | None = None
 
 
+class SuiteProgress(Model):
+    """Which failures of a baseline's runs a configuration no longer has, still has, or has anew, by scenario.
+
+    A run fails if it ends in one of ``FAILURES``. Scenarios that only one side ran are left out.
+    """
+
+    configuration: str
+    baseline: str
+    fixed: tuple[str, ...] = ()
+    still_failing: tuple[str, ...] = ()
+    newly_failing: tuple[str, ...] = ()
+
+    def in_words(self) -> str:
+        """Return the three groups; the first two scenarios of each are named."""
+        groups = (("fixed", self.fixed), ("still failing", self.still_failing), ("newly failing", self.newly_failing))
+        parts = [f"{len(ids)} {word}{_named(ids)}" for word, ids in groups]
+        return f"{self.configuration} since {self.baseline}: {', '.join(parts)}"
+
+
+FAILURES: Final = frozenset({"collision", "off_road", "infeasible"})
+"""Outcomes that count as a failure of the planner when runs are compared with a baseline."""
+_MOST_NAMED = 2
+
+
+def _named(ids: Sequence[str]) -> str:
+    more = f" and {len(ids) - _MOST_NAMED} more" if len(ids) > _MOST_NAMED else ""
+    return f" ({', '.join(ids[:_MOST_NAMED])}{more})" if ids else ""
+
+
 class LimitVerdict(Model):
     """The verdict on a limit for a configuration; ``observed`` is the value, ``run_ids`` the runs that break it."""
 
@@ -97,6 +137,7 @@ class SuiteReport(Model):
     reused: int = Field(description="runs already stored")
     lost: tuple[LostCell, ...] = ()
     notes: tuple[str, ...] = ()
+    progress: tuple[SuiteProgress, ...] = Field((), description="for each configuration and baseline")
     runs: SuiteBaseline = Field(description="runs to keep as a baseline")
 
     @property

@@ -8,16 +8,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...engine.analysis import Judged, Limit, parse_limit
+from ...engine.tuning import from_file, read_weight_file
 from ...engine.workspace import Workspace
 from ...schemas.analysis.comparison import CompareRequest, Side, SuccessTest
 from ...schemas.analysis.suite import (
+    FAILURES,
     LimitVerdict,
     Suite,
     SuiteBaseline,
     SuiteCase,
     SuiteConfiguration,
     SuiteFiles,
+    SuiteProgress,
     SuiteReport,
+    SuiteWeightFile,
 )
 from ...schemas.artifacts import ImportFilesArguments
 from ...schemas.catalog import FindScenariosArguments
@@ -72,7 +76,7 @@ async def carry_out(suite: Suite, folder: Path, context: WorkflowContext, report
     """
     limits = limits_of(suite)
     report(0, 0, "looking up scenarios and configurations")
-    configurations = await _configurations(suite, context)
+    configurations = await _configurations(suite, folder, context)
     _check_names(limits, configurations)
     baselines = {limit.baseline: _baseline(limit.baseline, folder, context) for limit in limits if limit.baseline}
     words, notes = await _scenarios(suite, folder, context)
@@ -98,6 +102,7 @@ async def carry_out(suite: Suite, folder: Path, context: WorkflowContext, report
         reused=sum(result.reused for result in results),
         lost=batch.lost,
         notes=(*notes, *choice.notes, *_other_versions(groups, baselines)),
+        progress=tuple(_progress(groups, baselines)),
         runs=SuiteBaseline(
             suite=suite.name,
             configurations={
@@ -118,6 +123,33 @@ def _other_versions(groups: Mapping[str, Sequence[CellResult]], baselines: Mappi
                 yield f"{name}: {', '.join(sorted(before))} ran in {word}, {', '.join(sorted(now))} now"
 
 
+def _progress(
+    groups: Mapping[str, Sequence[CellResult]], baselines: Mapping[str, "_Baseline"]
+) -> Iterable[SuiteProgress]:
+    """Yield for each configuration and baseline which scenarios' failures are fixed, left or new."""
+    for name, group in groups.items():
+        now = {_pair(one.record): one.record.outcome in FAILURES for one in group if one.record is not None}
+        for word, baseline in baselines.items():
+            before = {_pair(source.record): source.record.outcome in FAILURES for source in baseline.of(name)}
+            changes = [(key[0], before[key], fails) for key, fails in now.items() if key in before]
+            if changes:
+                yield SuiteProgress(
+                    configuration=name,
+                    baseline=word,
+                    fixed=tuple(test for test, failed, fails in changes if failed and not fails),
+                    still_failing=tuple(test for test, failed, fails in changes if failed and fails),
+                    newly_failing=tuple(test for test, failed, fails in changes if fails and not failed),
+                )
+
+
+_Pair = tuple[str, int]
+
+
+def _pair(record: RunRecord) -> _Pair:
+    """Return what identifies the same test in two versions: its scenario and planning problem."""
+    return record.scenario_id, record.problem_id
+
+
 def _named(groups: Mapping[str, Sequence[CellResult]]) -> Iterable[tuple[str, CellResult]]:
     return ((name, result) for name, group in groups.items() for result in group)
 
@@ -135,17 +167,21 @@ async def _run(context: WorkflowContext, cells: Sequence[Cell], report: ReportPr
     return await run_grid(context, cells, on_done)
 
 
-async def _configurations(suite: Suite, context: WorkflowContext) -> dict[str, PlannerConfiguration]:
+async def _configurations(suite: Suite, folder: Path, context: WorkflowContext) -> dict[str, PlannerConfiguration]:
     """Return the configurations by their names in the suite.
 
     Raises:
         InvalidRequest: two of them have the same name.
+        UnknownName: a weight file is missing.
     """
     found: dict[str, PlannerConfiguration] = {}
     for entry in suite.configurations:
         if isinstance(entry, SuiteConfiguration):
             made = await configure_planner(entry.arguments, context)
             configuration, name = resolve_configuration(made.config_id, context), entry.name or made.name
+        elif isinstance(entry, SuiteWeightFile):
+            configuration = _weight_file(entry, folder, context)
+            name = entry.name or configuration.name
         else:
             configuration = resolve_configuration(entry, context)
             name = configuration.name
@@ -154,6 +190,13 @@ async def _configurations(suite: Suite, context: WorkflowContext) -> dict[str, P
         store_configuration(context, configuration)
         found[name] = configuration
     return found
+
+
+def _weight_file(entry: SuiteWeightFile, folder: Path, context: WorkflowContext) -> PlannerConfiguration:
+    path = context.allowed_path(str(folder / entry.file))
+    if not path.is_file():
+        raise UnknownName(f"there is no weight file {quoted(entry.file)} next to the suite")
+    return from_file(read_weight_file(path))
 
 
 def _check_names(limits: Sequence[Limit], configurations: Mapping[str, object]) -> None:
@@ -176,7 +219,7 @@ async def _scenarios(suite: Suite, folder: Path, context: WorkflowContext) -> tu
             words.append(entry)
         elif isinstance(entry, SuiteFiles):
             ids, messages = await _imported(folder / entry.path, context)
-            words += ids
+            words += ids if entry.problem is None else [f"{key}#{entry.problem}" for key in ids]
             notes += messages
         elif isinstance(entry, FindScenariosArguments):
             found = await find_scenarios(entry, context)
