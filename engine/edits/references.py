@@ -111,14 +111,16 @@ def describe_matches(texts: Sequence[str], vehicles: Sequence[int], scene: Scene
     """Return, as text, the vehicles that selectors matched, with their classes and positions relative to the ego.
 
     The text is empty for vehicles given by id, and for selectors that need no explanation (all, an edit's vehicle).
+    Vehicles that the edit adds are left out, because no selector matched them.
     """
     kinds = {parse_selector(text).kind for text in texts}
     if kinds <= {"id", "all", "new"}:
         return ""
     there = scene_for_references(scene, changes)
     lane, step = ego_lane(there, there.ego) if there.ego else None, there.ego.step if there.ego else 0
+    matched = [key for key in vehicles if key in there.tracks]
     named = []
-    for key in vehicles[:_MOST_CANDIDATES]:
+    for key in matched[:_MOST_CANDIDATES]:
         track, match = there.tracks[key], there.matches.get(key)
         index = track.index_at(step)
         where = ""
@@ -127,7 +129,7 @@ def describe_matches(texts: Sequence[str], vehicles: Sequence[int], scene: Scene
         named.append(f"{track.kind} {key}{where}")
     if not named:
         return ""
-    more = f" and {len(vehicles) - _MOST_CANDIDATES} more" if len(vehicles) > _MOST_CANDIDATES else ""
+    more = f" and {len(matched) - _MOST_CANDIDATES} more" if len(matched) > _MOST_CANDIDATES else ""
     return f"{', '.join(map(_with_meaning, texts))}: {'; '.join(named)}{more}"
 
 

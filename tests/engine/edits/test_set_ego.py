@@ -55,6 +55,13 @@ def test_the_former_ego_becomes_a_car_that_starts_where_it_stood(apply: Apply) -
     assert applied.outcome.edits[0].vehicles == (101,)
 
 
+@pytest.mark.parametrize("who", ["nearest:1", "lead", "fastest"])
+def test_the_former_ego_becomes_traffic_when_a_description_names_the_new_one(apply: Apply, who: str) -> None:
+    applied = apply({"op": "set_ego", "vehicles": [who], "former_ego": "traffic"}, builder=SHORT)
+    assert applied.outcome.edits[0].vehicles == (101,)
+    assert len(applied.outcome.removed) == 1
+
+
 def test_the_former_ego_can_be_edited_as_new(apply: Apply) -> None:
     swap = {"op": "set_ego", "vehicles": ["35"], "former_ego": "traffic"}
     tracks = apply(swap, {"op": "set_speed", "vehicles": ["new:0"], "speed": "2m/s"}, builder=SHORT).tracks()
