@@ -404,14 +404,20 @@ def _find_town(place: str, found: Sequence[MapMatch]) -> _Town | None:
 
 def _is_town_of(part: str, facts: MapFacts) -> bool:
     """Return whether the text is the map's place, or a settlement that the map or GeoNames has in its area."""
-    keys = _framed_keys(part)
     towns = (area for area in facts.areas if area.kind in SETTLEMENTS)
     names = (facts.place, *(name for area in towns for name in (area.name, *area.other_names)))
-    return (
-        any(not keys.isdisjoint(_framed_keys(name)) for name in names)
-        or _read_name_elsewhere(part, facts) is not None
-        or _read_settlement(part, facts, wide=True) is not None
+    keys = frozenset[str]().union(*map(_framed_keys, names))
+    return any(
+        not keys.isdisjoint(_framed_keys(text))
+        or _read_name_elsewhere(text, facts) is not None
+        or _read_settlement(text, facts, wide=True) is not None
+        for text in _with_and_without_region(part, facts)
     )
+
+
+def _with_and_without_region(part: str, facts: MapFacts) -> list[str]:
+    """Return the text, and what is left of it without the map's state or country (``Mountain View CA``)."""
+    return [part, *(head for head, tail in _splits(part) if _is_around(tail, facts))]
 
 
 def _add_incomplete_roads(shown: list[MapMatch], found: list[MapMatch], text: str, level: Closeness) -> list[MapMatch]:
@@ -538,7 +544,10 @@ def _not_shown_error(
         why = f": {cited(own.place)} ({own.map_id}) is available, but has no {cited_all(missing or town.roads, ' or ')}"
     else:
         towns = [part for part in listed_parts(place[:LONGEST_TEXT])[1:] if country_code(part) is None]
-        is_elsewhere = any(settlements_called(without_frame(part)) for part in towns)
+        names = {
+            name for part in towns for map_ in matches for name in _with_and_without_region(part, map_.entry.facts)
+        }
+        is_elsewhere = any(settlements_called(without_frame(name)) for name in names)
         near = [] if is_elsewhere else _near(place[:LONGEST_TEXT], [match.entry.facts for match in matches])
     corrected = _corrected(place[:LONGEST_TEXT], matches if town is None else town.maps)
     near = list(dict.fromkeys((*corrected, *near)))[:_MOST_NEAR]
@@ -699,7 +708,7 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
         if not listed:
             return None
         reading = _Reading()
-        is_placed = False
+        namesakes = False
         settled = any(country_code(part) in _countries(facts) for part in listed)
         for part in listed:
             found = (
@@ -715,9 +724,11 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
             )
             if found is None and country_code(part) not in (None, *_countries(facts)) and len(part) > 3:
                 return None
-            is_placed = is_placed or (found is not None and found.named and not _is_around(part, facts))
+            if found is None and _is_a_crossing(part):
+                return None  # a crossing needs both of its roads
+            namesakes = namesakes or (len(listed) > 1 and found is not None and _is_town_elsewhere(part, found, facts))
             reading += found or _Reading(unnamed=(part,))
-        if reading.unnamed and reading.named and not is_placed and facts.places:
+        if facts.places and not reading.placed and (namesakes or (reading.unnamed and reading.named)):
             return None  # the state or the country alone does not tell in which of its towns the street is
     if any(_is_outside(part, facts) for part in reading.unnamed):
         return None
@@ -732,6 +743,32 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
     return MapMatch(entry, reading.streets, reading.unnamed, reading.area, reading.understood)
 
 
+def _is_a_crossing(part: str) -> bool:
+    """Return whether the text has several names, and one of them has a word for a kind of road."""
+    names = crossing_parts(part)
+    return len(names) > 1 and any(kinds_of_road(name) and not is_only_a_kind(name) for name in names)
+
+
+def _is_town_elsewhere(part: str, found: "_Reading", facts: MapFacts) -> bool:
+    """Return whether a text that was read as a road is rather a settlement that the map does not show.
+
+    ``Napoli`` in ``Via Roma, Napoli`` is the city, even on a map of another city with a ``Via Napoli``. A text with a
+    word for a kind of road, or with exactly the road's name, is the road.
+    """
+    if not found.streets or found.placed:
+        return False
+    exact = {fold(road) for roads in found.streets for road in roads}
+    return any(
+        fold(name) not in exact
+        and not kinds_of_road(name)
+        and any(
+            settlement.population >= CITY_PEOPLE or settlement.country in _countries(facts)
+            for settlement in settlements_called(without_frame(name))
+        )
+        for name in _with_and_without_region(part, facts)
+    )
+
+
 def _without_area(reading: "_Reading", area: PlaceArea) -> "_Reading":
     """Drop the circle of the map's own town from a reading, where it is only the context of the requested road."""
     told = (text.replace(_area_text(area), cited(area.name)) for text in reading.understood)
@@ -743,7 +780,7 @@ def _match_file_name(reading: "_Reading", facts: MapFacts) -> "_Reading":
     named = _words_of_file_name(file_stem(facts.file_name))
     rest = replace(reading, unnamed=())
     for part in reading.unnamed:
-        by_file = _Reading(named=True, understood=(f"{part!r} is read as the map {cited(facts.file_name)}",))
+        by_file = _Reading(placed=True, understood=(f"{part!r} is read as the map {cited(facts.file_name)}",))
         rest += by_file if fold(part) in named else _Reading(unnamed=(part,))
     return rest
 
@@ -761,13 +798,22 @@ def _match_road_names(reading: "_Reading", facts: MapFacts) -> "_Reading":
 
 @dataclass(frozen=True)
 class _Reading:
-    """The meaning of a text on a map; ``named``: the text refers to the map or a part of it."""
+    """The meaning of a text on a map.
+
+    ``placed``: the text refers to the map's place or a part of it. ``around``: it refers to the map's state or country.
+    """
 
     streets: tuple[tuple[str, ...], ...] = ()
     unnamed: tuple[str, ...] = ()
     area: PlaceArea | None = None
     understood: tuple[str, ...] = ()
-    named: bool = False
+    placed: bool = False
+    around: bool = False
+
+    @property
+    def named(self) -> bool:
+        """Whether the text refers to the map, a part of it, or a region around it."""
+        return self.placed or self.around
 
     def __add__(self, other: "_Reading") -> "_Reading":
         areas = [area for area in (self.area, other.area) if area is not None]  # the district rather than its city
@@ -776,7 +822,8 @@ class _Reading:
             self.unnamed + other.unnamed,
             min(areas, key=lambda area: (-PLACE_KINDS.index(area.kind), area.radius_m), default=None),
             self.understood + other.understood,
-            self.named or other.named,
+            self.placed or other.placed,
+            self.around or other.around,
         )
 
 
@@ -849,7 +896,7 @@ def _read_settlement(part: str, facts: MapFacts, *, wide: bool) -> _Reading | No
         if away_m <= settlement.reach_m(wide=wide):
             where = f"{away_m / 1000:.1f} km from the map" if away_m else "inside the map"
             taken = f"{part!r} is read as {settlement.name} (GeoNames); its centre is {where}"
-            return _Reading(named=True, understood=(taken,))
+            return _Reading(placed=True, understood=(taken,))
     return None
 
 
@@ -907,7 +954,7 @@ def _read_place_like(part: str, facts: MapFacts, is_like: Callable[[str, str], b
             return None if found is None else replace(found, understood=(f"{part!r} is read as {taken}",))
     for name in facts.places:
         if is_like(part, name) and not (is_street and not kinds_of_road(name)):
-            return _Reading(named=True, understood=(f"{part!r} is read as {cited(name)}",))
+            return _Reading(placed=True, understood=(f"{part!r} is read as {cited(name)}",))
     return None
 
 
@@ -930,11 +977,11 @@ def _read_place(part: str, facts: MapFacts) -> _Reading | None:
     """Read the text as the map itself (its id, file, place, region or country) or as a place inside it."""
     own = {facts.map_id, facts.map_id.removeprefix("map_"), file_stem(facts.file_name)}
     if {fold(part), fold(file_stem(part))} & {fold(name) for name in own}:
-        return _Reading(named=True)
+        return _Reading(placed=True)
     for keys_of in (place_keys, _framed_keys):
         if (found := _read_place_by_keys(part, facts, keys_of)) is not None:
             return found
-    return _read_town_and_district(part, facts) or (_Reading(named=True) if _is_around(part, facts) else None)
+    return _read_town_and_district(part, facts) or (_Reading(around=True) if _is_around(part, facts) else None)
 
 
 def _read_town_and_district(part: str, facts: MapFacts) -> _Reading | None:
@@ -981,12 +1028,12 @@ def _read_place_by_keys(part: str, facts: MapFacts, keys_of: Callable[[str], fro
             widest = max(_same_place(area, facts), key=lambda one: one.radius_m)
             taken = "" if fold(part) in (fold(area.name), fold(widest.name)) else f"{part!r} is read as "
             if _is_whole(widest, facts):
-                return _Reading(named=True, understood=(f"{taken}{cited(widest.name)}",) if taken else ())
-            return _Reading(named=True, area=widest, understood=(f"{taken}{_area_text(widest)}",))
+                return _Reading(placed=True, understood=(f"{taken}{cited(widest.name)}",) if taken else ())
+            return _Reading(placed=True, area=widest, understood=(f"{taken}{_area_text(widest)}",))
     for name in (facts.place, *facts.places):
         if not keys.isdisjoint(keys_of(name)):
             alike = fold(part) == fold(name)
-            return _Reading(named=True, understood=() if alike else (f"{part!r} is read as {cited(name)}",))
+            return _Reading(placed=True, understood=() if alike else (f"{part!r} is read as {cited(name)}",))
     return None
 
 
@@ -1156,7 +1203,10 @@ def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading
             if len(second) < 3 and second.isascii() and not second.isupper():
                 continue
             place = _read_place(second, facts)
-            rest = _read_road(first, facts) or _read_place(first, facts)
+            if place is not None and place.around:  # ``Mountain View CA``: a town, and not the avenue of its name
+                rest = _read_whole(first, facts)
+            else:
+                rest = _read_road(first, facts) or _read_place(first, facts)
             if rest is None and place is not None:
                 rest = _read_together(first, facts, closeness)
             if rest is None and place is None and closeness is Closeness.PART and len(text.split()) <= _FEW_WORDS:

@@ -228,3 +228,76 @@ def test_a_district_that_the_map_does_not_locate_is_the_road_of_its_name() -> No
     entry = nameless(place="Granada", streets=("Camino de Ronda",), refs=(), road_names=(), **districts)
     assert find_maps([entry], place="Camino de Ronda, Granada")[0].streets == (("Camino de Ronda",),)
     assert find_maps([entry], place="Granada")[0].streets == ()
+
+
+def in_california(place: str, *streets: str) -> MapEntry:
+    """A map of a Californian town with these streets."""
+    entry = next(entry for entry in built_in_maps() if entry.facts.place == "Musterstadt")
+    at = {"San Rafael": (37.97, -122.53), "Mountain View": (37.38, -122.09)}[place]
+    changes = {
+        "map_id": f"map_{place[:3].lower()}",
+        "place": place,
+        "places": (place,),
+        "country": "USA",
+        "streets": streets,
+        "refs": (),
+        "road_names": (),
+        "areas": (),
+        "south": at[0],
+        "north": at[0] + 0.02,
+        "west": at[1],
+        "east": at[1] + 0.02,
+    }
+    return replace(entry, facts=entry.facts.model_copy(update=changes))
+
+
+SAN_RAFAEL = in_california("San Rafael", "Mountain View Avenue", "Lincoln Avenue", "Madison Avenue", "Mission Avenue")
+MOUNTAIN_VIEW = in_california(
+    "Mountain View", "West El Camino Real", "South Shoreline Boulevard", "Mountain View Avenue"
+)
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        "El Camino & Shoreline, Mountain View CA",
+        "El Camino & Shoreline, Mountain View, CA",
+        "El Camino & Shoreline, Mountain View",
+        "Lincoln Ave, Mountain View CA",
+        "Lincoln Ave, Mountain View, California",
+        "Lincoln Ave, Mountain View",
+        "Mountain View, Lincoln Ave",
+    ],
+)
+def test_a_city_without_a_map_is_not_read_as_a_street_elsewhere(place: str) -> None:
+    with pytest.raises(UnknownName):
+        find_maps([SAN_RAFAEL], place=place)
+
+
+@pytest.mark.parametrize("town", ["Mountain View CA", "Mountain View, CA", "Mountain View"])
+def test_a_city_with_its_state_is_the_city_and_not_its_street_of_the_same_name(town: str) -> None:
+    (match,) = find_maps([SAN_RAFAEL, MOUNTAIN_VIEW], place=f"El Camino & Shoreline, {town}")
+    assert match.entry is MOUNTAIN_VIEW
+    assert match.streets == (("West El Camino Real",), ("South Shoreline Boulevard",))
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        "Lincoln Ave, Mountain View Ave",
+        "Lincoln Ave / Mountain View",
+        "Lincoln Ave, Mountain View, San Rafael",
+        "Lincoln Ave & Mountain View, San Rafael CA",
+    ],
+)
+def test_a_street_with_the_name_of_a_city_is_found_if_the_text_shows_that_it_is_a_street(place: str) -> None:
+    (match,) = find_maps([SAN_RAFAEL], place=place)
+    assert match.streets == (("Lincoln Avenue",), ("Mountain View Avenue",))
+
+
+@pytest.mark.parametrize("crossing", ["Lincoln Ave & Foo Street", "Foo St at Bar St"])
+def test_a_crossing_needs_all_of_its_roads_even_next_to_another_street(crossing: str) -> None:
+    with pytest.raises(UnknownName):
+        find_maps([SAN_RAFAEL], place=f"{crossing}, Mission Avenue, San Rafael")
+    (match,) = find_maps([SAN_RAFAEL], place="Foo & Sons, Mission Avenue, San Rafael")
+    assert match.unnamed == ("Foo & Sons",)
