@@ -455,6 +455,8 @@ def _write(
     report(0.85, "reading back and checking")
     checks = check_scenario(path, task.ego.body, site.findings)
     missed = [] if task.focus_passed else [site.focus.missed(only_car=request.ego.index is not None)]
+    if not task.takes_street:
+        missed.append(site.focus.left_the_street(only_car=request.ego.index is not None))
     if not task.on_spot:
         missed.append(site.focus.passed_close_by(only_car=request.ego.index is not None))
     if not task.turns_clearly:
@@ -483,7 +485,7 @@ def _write(
     scenario = scenario.model_copy(update={"absences": absences})
     if wanted is not None and (found := found_in(path, wanted, scenario.vehicle_classes)) is not None:
         scenario = scenario.model_copy(update={"others": found.in_words()})
-    is_direct = task.focus_passed > 0 and task.on_spot and task.turns_clearly
+    is_direct = task.takes_street and task.focus_passed > 0 and task.on_spot and task.turns_clearly
     return scenario, [] if notes else missed, request.goal.is_through and not is_direct
 
 

@@ -75,6 +75,7 @@ class PlanningTask:
     The goal is a rectangle (length, width) in m around ``center`` (2,), turned by ``heading_rad``, that the ego must
     reach within ``time_steps``. These fields rank egos:
 
+    - ``takes_street``: the path passes the site's junction or ring, or leads along a requested street.
     - ``focus_passed``: the number of the site's areas that the recorded path to the goal passes.
     - ``on_spot``: the path passes the exact spot of the site, not only another junction nearby. If the goal should be
       beyond it, the path also starts before it.
@@ -94,6 +95,7 @@ class PlanningTask:
     heading_rad: float
     size_m: tuple[float, float]
     time_steps: tuple[int, int]
+    takes_street: bool = True
     focus_passed: int = 1
     on_spot: bool = True
     turns_clearly: bool = True
@@ -116,8 +118,8 @@ def choose_task(
     If the car with the requested index has no such goal, for example because it waits in a queue, the best later car
     replaces it.
 
-    Cars are ranked by these criteria in order: the recorded path is drivable; it passes the site; it passes the exact
-    spot; it makes no other turn than the requested turn. After these, it must suit a goal beyond the site, and its
+    Cars are ranked by these criteria in order: the recorded path is drivable; it leads along a requested street or
+    through the site's junction; it passes the site; it passes the exact spot; it makes no other turn than the requested turn. After these, it must suit a goal beyond the site, and its
     lanes can be followed. A path suits a goal that must be beyond the site if it leaves the site and takes most of the
     duration. The first car wins a tie. Tasks that ``accepts`` rejects are skipped.
 
@@ -171,7 +173,15 @@ def _best_task(
         if task is None or (spec.goal.turn == "lane_change" and _is_ahead_in_lane(task, network, lookup)):
             continue
         task = _with_site_criteria(task, spec, focus, network, lookup, step_s)
-        merit = (car.feasible, task.focus_passed, task.on_spot, task.turns_clearly, task.focus_left, task.takes_most)
+        merit = (
+            car.feasible,
+            task.takes_street,
+            task.focus_passed,
+            task.on_spot,
+            task.turns_clearly,
+            task.focus_left,
+            task.takes_most,
+        )
         if (best is not None and (*merit, True) <= best[0]) or (accepts is not None and not accepts(task)):
             continue
         # If a planner has most of the duration, it drives more evenly than the car, which other traffic may have
@@ -181,7 +191,7 @@ def _best_task(
         smooth = smooth and _has_room(car, task.goal_step, network)
         if best is None or (*merit, smooth) > best[0]:
             best = (*merit, smooth), replace(task, followable=smooth or not spec.goal.is_through)
-        if best[0] == (True, focus.parts, True, True, True, True, True):
+        if best[0] == (True, True, focus.parts, True, True, True, True, True):
             break
     return None if best is None else best[1]
 
@@ -201,12 +211,15 @@ def _with_site_criteria(
     """Return the task with the parts of the site that it passes and, if required, whether the goal is beyond it."""
     passed = focus.parts_passed(task.ego, task.goal_step)
     on_spot = not passed or focus.is_on_spot(task.ego, task.goal_step)
+    at_junction = focus.ways is not None and passed > 0 and on_spot
+    takes_street = at_junction or focus.takes_street(task.ego, task.goal_step)
     if not spec.goal.is_through:
-        return replace(task, focus_passed=passed, on_spot=on_spot)
+        return replace(task, takes_street=takes_street, focus_passed=passed, on_spot=on_spot)
     on_spot = on_spot and (not passed or drives_through(task.ego, task.goal_step, focus, network, lookup))
     left = passed > 0 and focus.is_left_by(task.ego, task.goal_step)
     return replace(
         task,
+        takes_street=takes_street,
         focus_passed=passed,
         on_spot=on_spot,
         focus_left=left,

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from lxml import etree
@@ -55,8 +56,11 @@ from ..network import (
 )
 from ..traffic import VEHICLES_PER_LANE_KM, WARM_UP_S, lane_km_of, sumo_version
 from .people import Footways, footways_of, nowhere_to_walk, open_footways, with_walkways
-from .sites import SiteFocus, classes_for, drawn_ring, middle_of, radius_for, why_not_realised
+from .sites import SiteFocus, classes_for, drawn_ring, lines_of_streets, middle_of, radius_for, why_not_realised
 from .writer import STEP_S, ScenarioMetadata, copy_network, write_network
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
 
 _LEFT = """
 AIA ATG AUS BGD BHS BMU BRB BRN BTN BWA CCK COK CXR CYM CYP DMA FJI FLK GBR GGY GRD GUY HKG IDN IMN IND IRL JAM JEY
@@ -97,7 +101,7 @@ class SiteNetwork:
 
     ``notes`` are for the answer, ``warnings`` are netconvert's, and ``findings`` are those of the road rules. ``roads``
     is the content that a filled lanelet network takes over from its file. ``footways`` is None if no pedestrians are
-    requested.
+    requested. ``streets``: the lines of the requested streets, if any.
     """
 
     site: Site
@@ -111,11 +115,12 @@ class SiteNetwork:
     findings: tuple[RuleFinding, ...] = ()
     roads: RoadFile | None = None
     footways: Footways | None = None
+    streets: "BaseGeometry | None" = None
 
     @cached_property
     def focus(self) -> SiteFocus:
         """The areas that the site consists of."""
-        return SiteFocus(self.site, self.net, self.network)
+        return SiteFocus(self.site, self.net, self.network, self.streets)
 
 
 def prepare_site(
@@ -127,6 +132,13 @@ def prepare_site(
         NotPossible: the network does not have the features of the site's type, breaks a rule, or has no road open to
             cars.
     """
+    prepared = _prepared(request, osm, site, folder, report)
+    return replace(prepared, streets=lines_of_streets(osm, request.streets, prepared.net))
+
+
+def _prepared(
+    request: GenerationRequest, osm: OsmMap, site: Site, folder: Path, report: ProgressReporter
+) -> SiteNetwork:
     usual_m = radius_for(site, request)
     usual = _known_sites().get(request, osm, site, usual_m, folder, report)
     built = usual.built(request, folder)

@@ -77,6 +77,17 @@ class SiteWays:
             return 0.0
         return float(np.linalg.norm(np.array(ends)[:, None] - np.array(starts)[None], axis=2).max())
 
+    def turn(self, entry: str, exit_: str) -> Turn:
+        """Return the turn from an entry to an exit.
+
+        A U-turn leads back to the entry's own arm, if traffic leaves the site there. Another road may bend so far
+        within one diameter of the site that it leads in the same direction; this is a sharp turn into that road.
+        """
+        turned_rad = self.turned_rad(entry, exit_)
+        if turn_of(turned_rad) == "u_turn" and self._arms.get(entry, exit_) != exit_:
+            return "left" if turned_rad > 0 else "right"
+        return turn_of(turned_rad)
+
     def turned_rad(self, entry: str, exit_: str) -> float:
         """Return the angle from the direction of an entry's arm to that of an exit's arm, left positive."""
         return wrap_angle(self.leaves_rad(exit_) - self.arrives_rad(entry))
@@ -100,7 +111,7 @@ class SiteWays:
             while waiting:
                 way = waiting.pop()
                 if way[-1] in self.exits:
-                    yield turn_of(self.turned_rad(entry, way[-1])), way
+                    yield self.turn(entry, way[-1]), way
                 elif way[-1] in self.inside and len(way) <= MOST_INSIDE:
                     waiting += [(*way, onward) for onward in edges.following[way[-1]] if onward not in way]
 

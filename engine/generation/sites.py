@@ -216,15 +216,20 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
     next_step = f"choose one of these scenario types, or {elsewhere}" if available else f"choose {elsewhere}"
     if not available and len(request.streets) > 1 and not _meet(osm, request.streets):
         return _never_meet(osm, finder, request)
-    everywhere = site_finder(osm)
-    if request.road_classes and (wanted == "any" or _fitting(everywhere, everywhere.find(wanted), request)):
+    kinds = ANY_ORDER if wanted == "any" else (wanted,)
+    is_excluded = bool(request.road_classes and _fitting_of(site_finder(osm), kinds, request))
+    if is_excluded:
         where += f" with only roads of class {' or '.join(request.road_classes[:SHOWN_NAMES])}"
+        if excluded := _excluded_streets(osm, request):
+            where += f" ({excluded})"
         next_step = "leave road_classes out" + (", or choose one of these scenario types" if available else "")
     turn = request.goal.turn
     suited = [kind for kind in available if turn is None or turn in TURNS_AT[kind]]
     remedies = [with_values(scenario_type=kind) for kind in suited[:1]]
     if available and not suited:
         remedies = [with_values(scenario_type=available[0], goal=None)]
+    if is_excluded:
+        remedies.insert(0, with_values(road_classes=None))
     if (outside := _nearest_outside(finder, request)) is not None:
         streets = cited_all(outside.streets[:SHOWN_NAMES], " / ") or "unnamed roads"
         at = f"{outside.latitude:.5f}, {outside.longitude:.5f}"
@@ -243,6 +248,16 @@ def _meet(osm: OsmMap, streets: tuple[tuple[str, ...], ...]) -> bool:
     """Return whether roads of all these names share a node of the map."""
     nodes = [{key for way in _called(osm, names) for key in way.node_ids} for names in streets]
     return bool(set.intersection(*nodes))
+
+
+def _excluded_streets(osm: OsmMap, request: GenerationRequest) -> str:
+    """Return the requested streets without a road of the requested classes, with their own classes, as text."""
+    excluded = []
+    for names in request.streets:
+        classes = sorted({way.road_class for way in _called(osm, names) if way.road_class})
+        if not set(classes) & set(request.road_classes):
+            excluded.append(f"{cited(names[0])} is {' or '.join(classes[:SHOWN_NAMES])}")
+    return ", ".join(excluded)
 
 
 def _ring_fault(finder: SiteFinder, request: GenerationRequest) -> str:
@@ -659,6 +674,20 @@ def _ramp_near(net: SumoNet, middle: Points) -> bool:
     return False
 
 
+def lines_of_streets(osm: OsmMap, streets: Iterable[tuple[str, ...]], net: SumoNet) -> "BaseGeometry | None":
+    """Return the lines of the requested streets in the net's coordinates; None without streets or positions."""
+    from pyproj import Proj
+    from shapely import MultiLineString
+
+    ways = {way.way_id: way for names in streets for way in _called(osm, names) if len(way.node_ids) > 1}
+    if not ways or not net.projection:
+        return None
+    places = {key: osm.nodes[key].position for way in ways.values() for key in way.node_ids}
+    east, north = Proj(net.projection)([place[1] for place in places.values()], [place[0] for place in places.values()])
+    points = dict(zip(places, np.column_stack([east, north]) + np.array(net.offset_m), strict=True))
+    return MultiLineString([[points[key] for key in way.node_ids] for way in ways.values()])
+
+
 FOCUS_NAMES: dict[SiteType, str] = {
     "roundabout": "the ring",
     "signalised_intersection": "the junction",
@@ -669,16 +698,23 @@ FOCUS_NAMES: dict[SiteType, str] = {
 """The focus of a site of each type, as text; other types concern a whole road."""
 REACH_M = 200.0
 """Maximum distance of a site's areas from its middle (chosen): links and main roads continue to other ramps."""
+STREET_M = 15.0
+"""Maximum distance of a car on a street from the street's line on the map (chosen): half of a road with eight lanes."""
+LEAST_ON_STREET_M, LEAST_SHARE_ON_STREET = 40.0, 0.25
+"""A path takes a street along which it leads for this length, or for this share if that is less (chosen).
+
+A path that only crosses the street is within ``STREET_M`` of it for 30 m.
+"""
 
 
 class SiteFocus:
     """The areas of a site that its ego's path should pass: the ring, the junction, or link and main road.
 
     ``ring``: the edges of a roundabout. ``ways``: the ways through the ring, or through the junctions that the site was
-    made of; None if a road or a ramp is the site.
+    made of; None if a road or a ramp is the site. ``streets``: the lines of the requested streets, if any.
     """
 
-    def __init__(self, site: Site, net: SumoNet, network: RoadNetwork) -> None:
+    def __init__(self, site: Site, net: SumoNet, network: RoadNetwork, streets: "BaseGeometry | None" = None) -> None:
         middle = middle_of(site, net)
         self.kind, self.net = site.kind, net
         self._name = FOCUS_NAMES.get(site.kind, "")
@@ -687,6 +723,7 @@ class SiteFocus:
         spot, self._spot = _spot(site, _junctions_of(site, net, middle), net, network, middle)
         self.ways = SiteWays(net, spot, ring) if spot or ring else None
         self._inside = None if self.ways is None else _area(network, _belongs_to(self.ways, spot, network), middle)
+        self._streets = None if streets is None else streets.buffer(STREET_M)
 
     @property
     def parts(self) -> int:
@@ -713,6 +750,16 @@ class SiteFocus:
             return True
         return bool(contains_xy(self._spot, *car.motion.positions[: last_step + 1].T).any())
 
+    def takes_street(self, car: GeneratedVehicle, last_step: int) -> bool:
+        """Return whether the car drives along a requested street up to a step; True if no street is requested."""
+        from shapely import LineString
+
+        if self._streets is None:
+            return True
+        path = LineString(car.motion.positions[: last_step + 1])
+        least_m = min(LEAST_ON_STREET_M, LEAST_SHARE_ON_STREET * path.length)
+        return bool(path.intersection(self._streets).length >= least_m)
+
     def inside(self, car: GeneratedVehicle) -> NDArray[np.bool_]:
         """Return a mask of the steps at which the car's centre is on the ring, or in the junctions of the site.
 
@@ -738,6 +785,11 @@ class SiteFocus:
         """Return the note on an ego that passes no area; ``only_car``: no other car could be chosen."""
         who = "the ego's route to its goal misses" if only_car else "every car's route to a goal like this misses"
         return f"{who} {self._name} of the site; a goal farther ahead or another seed may change this"
+
+    def left_the_street(self, *, only_car: bool) -> str:
+        """Return the note on an ego that drives beside the requested street; ``only_car``: no other could be chosen."""
+        who = "the ego's route to its goal" if only_car else "the route of every car with a goal like this"
+        return f"{who} is not on the requested street; another seed or goal may change this"
 
     def passed_close_by(self, *, only_car: bool) -> str:
         """Return the note on an ego that passes another junction nearby; ``only_car``: no other car could be chosen."""

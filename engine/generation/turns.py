@@ -98,7 +98,7 @@ def _made_at_junction(
 ) -> MadeTurn | None:
     passage = next(_passages(car, last_step, ways, focus, network, lookup), None)
     wanted: Turn = "left" if turn == "unprotected_left" else turn
-    if passage is None or turn_of(ways.turned_rad(passage.entry, passage.exit)) != wanted:
+    if passage is None or ways.turn(passage.entry, passage.exit) != wanted:
         return None
     if turn == "unprotected_left" and not _is_unprotected(car, passage, last_step, network, lookup):
         return None

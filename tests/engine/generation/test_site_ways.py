@@ -151,3 +151,58 @@ def test_streets_that_do_not_meet_come_with_the_nearest_crossing(tmp_path: Path)
     with pytest.raises(NotPossible, match="do not meet") as caught:
         fitting_sites(read_osm(tmp_path / "map.osm"), request)
     assert caught.value.remedies[0] == with_values(place="North Road / Lane 300, Town")
+
+
+def ring_with_a_bent_arm() -> Sketch:
+    """A ring with four arms; the last one bends until it runs beside the arm before it."""
+    sketch = Sketch("Town", 50.0, 8.0)
+    ring = circle(16.0, [0.0, 45.0, 90.0, 135.0, 180.0, 215.0, 250.0, 305.0])
+    sketch.road([*ring, ring[0]], "secondary", "Ring", junction="roundabout")
+    for number, angle in enumerate((0.0, 90.0, 180.0)):
+        sketch.road([circle(16.0, [angle])[0], circle(180.0, [angle])[0]], "secondary", f"Street {number}")
+    begin = circle(16.0, [250.0])[0]
+    sketch.road([begin, (begin[0] - 6.0, begin[1] - 12.0), (-30.0, -32.0), (-180.0, -32.0)], "secondary", "Bent Street")
+    return sketch
+
+
+def test_a_u_turn_leads_back_to_its_own_arm_and_not_to_a_road_that_bends_beside_it(tmp_path: Path) -> None:
+    request = request_in(tmp_path, ring_with_a_bent_arm(), scenario_type="roundabout")
+    osm = read_osm(tmp_path / "map.osm")
+    (site,) = fitting_sites(osm, request)
+    built = prepare_site(request, osm, site, tmp_path, silent)
+    ways = built.focus.ways
+    assert ways is not None
+    names = [
+        (turn, built.net.edges[way[0]].name, built.net.edges[way[-1]].name)
+        for turn, way in ways.through(OpenEdges.of(built.net, "passenger"))
+    ]
+    assert sum(turn == "u_turn" for turn, _, _ in names) == 4
+    assert all((turn == "u_turn") == (begins == ends) for turn, begins, ends in names)
+
+
+def test_the_ego_drives_along_a_requested_street_and_not_along_one_beside_it(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-600, 0), (0, 0), (600, 0)], "secondary", "Main Road")
+    for aside in (45, -45):
+        sketch.road([(-600, aside), (0, aside), (600, aside)], "secondary", f"Road {aside}")
+    wish = {"scenario_type": "rural", "streets": [["Main Road"]], "density": "low", "duration_s": 10.0}
+    for seed in range(4):
+        request = request_in(tmp_path, sketch, seed=seed, **wish)
+        generate_scenario(request, silent)
+        loaded = read_scenario(tmp_path / "scenario.xml")
+        route = ego_route(
+            loaded.scenario.lanelet_network, LaneletGraph.of(loaded.scenario.lanelet_network), loaded.problem()
+        )
+        assert route is not None
+        (site, *_) = fitting_sites(read_osm(tmp_path / "map.osm"), request)
+        line = np.concatenate([center_line(loaded.scenario.lanelet_network, key) for key in route.lanelets])
+        middle = middle_of(site, read_net(tmp_path / "scenario.net.xml"))
+        assert np.abs(line[:, 1] - middle[1]).max() < 10.0
+
+
+def test_road_classes_that_exclude_a_named_street_are_dropped_by_the_first_suggestion(tmp_path: Path) -> None:
+    wish = {"streets": [["Main Street"], ["First Street"]], "road_classes": ["tertiary"]}
+    request = request_in(tmp_path, two_crossings(60.0), **wish)
+    with pytest.raises(NotPossible, match="First Street") as caught:
+        fitting_sites(read_osm(tmp_path / "map.osm"), request)
+    assert caught.value.remedies[0] == with_values(road_classes=None)
