@@ -119,9 +119,10 @@ def choose_task(
     replaces it.
 
     Cars are ranked by these criteria in order: the recorded path is drivable; it leads along a requested street or
-    through the site's junction; it passes the site; it passes the exact spot; it makes no other turn than the requested turn. After these, it must suit a goal beyond the site, and its
-    lanes can be followed. A path suits a goal that must be beyond the site if it leaves the site and takes most of the
-    duration. The first car wins a tie. Tasks that ``accepts`` rejects are skipped.
+    through the site's junction; it passes the site; it passes the exact spot; it makes no other turn than the requested
+    turn. After these, it must suit a goal beyond the site, and its lanes can be followed. A path suits a goal that must
+    be beyond the site if it leaves the site and takes most of the duration. The first car wins a tie. Tasks that
+    ``accepts`` rejects are skipped.
 
     Raises:
         NotPossible: there are fewer cars than the requested index, or no car reaches the requested goal.

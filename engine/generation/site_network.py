@@ -30,6 +30,8 @@ from ..maps import (
     RoadFile,
     RoadReader,
     Site,
+    country_at,
+    country_name,
     cut_lanelets,
     cut_map,
     cut_net,
@@ -132,7 +134,11 @@ def prepare_site(
         NotPossible: the network does not have the features of the site's type, breaks a rule, or has no road open to
             cars.
     """
-    prepared = _prepared(request, osm, site, folder, report)
+    here = country_at(osm, site.position, request.country)
+    prepared = _prepared(request.model_copy(update={"country": here}), osm, site, folder, report)
+    if here is not None and request.country not in (None, here):
+        note = f"the site is across the border, in {country_name(here)}: the laws of that country apply"
+        prepared = replace(prepared, notes=(note, *prepared.notes))
     return replace(prepared, streets=lines_of_streets(osm, request.streets, prepared.net))
 
 

@@ -7,6 +7,7 @@
 ``Pavements``: The sides of roads with pavements, mapped or guessed, and the crossings that the map marks.
 ``find_pavements``: Finds the pavements of roads within a circle around a point.
 ``read_map``: An operation that returns the facts of a map file, including its place and country.
+``country_at``: Returns the country at a position of a map.
 ``MapEntry``: An available map: its facts and its file.
 ``Closeness``: How closely a text must match the names on a map.
 ``file_stem``: Returns a file's name without the extensions of map files.
@@ -75,7 +76,7 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .extracts.cutting import cut_extract
     from .extracts.indexing import index_extract
-    from .facts import read_map
+    from .facts import country_at, read_map
     from .foreign.conversion import convert_roads
     from .foreign.lanelet_map import LaneletMap, RoadFile, cut_lanelets, read_lanelet_map
     from .foreign.net_map import NetMap

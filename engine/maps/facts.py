@@ -161,6 +161,29 @@ def _country_among(
     return country if not called and country in near else None
 
 
+def country_at(osm: OsmMap, position: tuple[float, float], country: str | None) -> str | None:
+    """Return the country (ISO 3166-1 alpha-3) at a latitude and longitude on a map, whose main country is given.
+
+    A country is certain if no other is near, or if both the border and the nearest settlements say so. Otherwise, and
+    on a map that is not in its stated country, such as an invented one, it is the main country.
+    """
+    if country is not None and country not in countries_near(osm.bounds):
+        return country
+    near = countries_near((*position, *position))
+    if len(near) < 2:
+        return near[0] if near else country
+    inside = _countries_over(position)
+    return inside[0] if len(inside) == 1 and country_of_nearest(position, near) == inside[0] else country
+
+
+def _countries_over(position: tuple[float, float]) -> list[str]:
+    """Return the countries with areas that contain a latitude and longitude; several claim disputed areas."""
+    from shapely import Point
+
+    tree, codes = _table()
+    return sorted({codes[index] for index in tree.query(Point(*position[::-1]), predicate="intersects").tolist()})
+
+
 def _by_length(osm: OsmMap, key: str) -> tuple[str, ...]:
     """Return the values of a road tag, longest roads first; road numbers in a list count individually."""
     lengths: dict[str, float] = {}

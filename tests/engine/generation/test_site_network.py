@@ -12,7 +12,7 @@ from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation import generator, site_network
 from plannerforge.engine.generation.site_network import SITE_LOST, UNKNOWN_SIDE, SiteNetwork, prepare_site
 from plannerforge.engine.generation.sites import RADIUS_M, fitting_sites
-from plannerforge.engine.maps.drawn_library import LIBRARY
+from plannerforge.engine.maps.drawn_library import LIBRARY, Sketch
 from plannerforge.engine.maps.map_file import read_map_file
 from plannerforge.engine.maps.osm import OsmMap
 from plannerforge.engine.maps.site_search.finder import Site
@@ -282,3 +282,26 @@ def test_the_last_sites_of_a_map_stay_cached(tmp_path: Path, monkeypatch: pytest
     for number, country in enumerate(["DEU", "AUT", "DEU", "CHE", "DEU", "AUT"]):
         site_at(_empty(tmp_path / str(number)), country)
     assert built == ["DEU", "AUT", "CHE", "AUT"]
+
+
+def test_a_site_across_the_border_has_the_law_of_its_own_country(tmp_path: Path) -> None:
+    sketch = Sketch("Alsace", 48.72, 7.50)
+    for x in (0.0, 38_000.0):
+        sketch.road([(x - 400, 0), (x, 0), (x + 400, 0)], "secondary", f"Road {x:.0f}")
+        sketch.road([(x, -400), (x, 0), (x, 400)], "tertiary", f"Lane {x:.0f}")
+    sketch.write(tmp_path / "map.osm")
+    osm = read_map_file(tmp_path / "map.osm")
+    ids = {}
+    for x in (0, 38_000):
+        request = request_for_fahrhausen().model_copy(
+            update={
+                "map_path": str(tmp_path / "map.osm"),
+                "scenario_type": "intersection",
+                "streets": ((f"Road {x}",), (f"Lane {x}",)),
+                "country": "FRA",
+                "bbox": None,
+            }
+        )
+        built = prepare_site(request, osm, fitting_sites(osm, request)[0], tmp_path, silent)
+        ids[x] = built.metadata.benchmark_id[:3], any("legal default of France" in note for note in built.notes)
+    assert ids == {0: ("FRA", True), 38_000: ("DEU", False)}

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.maps import MapEntry, find_maps
-from plannerforge.engine.maps.facts import countries_near, facts_of
+from plannerforge.engine.maps.facts import countries_near, country_at, facts_of
 from plannerforge.engine.maps.osm import OsmMap, OsmNode, OsmWay
 from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.generation import ReadMapRequest
@@ -109,3 +109,27 @@ def test_a_map_without_names_is_called_by_the_settlement_around_it() -> None:
     facts = facts_of(OsmMap(nodes, (road,), (), None), ReadMapRequest(path="a.osm", map_id="map_a"))
     assert facts.place == "Surabaya"
     assert find_maps([MapEntry(facts, Path("a.osm"))], place="Jalan Darmo, Surabaya")
+
+
+def strip(west: float, east: float, latitude: float) -> OsmMap:
+    """A map with one road from west to east."""
+    nodes = {1: OsmNode(1, latitude, west, {}), 2: OsmNode(2, latitude, east, {})}
+    return OsmMap(nodes, (OsmWay(1, (1, 2), {"highway": "primary"}),), (), None)
+
+
+@pytest.mark.parametrize(
+    ("longitude", "main", "country"),
+    [
+        (7.65, "DEU", "FRA"),  # west of Strasbourg
+        (7.95, "FRA", "DEU"),  # Offenburg
+        (7.75, "DEU", "FRA"),  # in Strasbourg, near the border
+        (7.65, "FRA", "FRA"),
+        (7.95, "ZAM", "ZAM"),  # an invented country
+        (7.95, "ITA", "ITA"),  # stated by the caller
+        (7.95, None, "DEU"),
+    ],
+)
+def test_the_country_at_a_position_may_be_another_than_that_of_the_map(
+    longitude: float, main: str | None, country: str
+) -> None:
+    assert country_at(strip(7.6, 8.0, 48.57), (48.57, longitude), main) == country
