@@ -8,6 +8,7 @@ unprotected if it crosses a lane of the other direction and passes no light.
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from heapq import heappop, heappush
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING
@@ -17,7 +18,7 @@ import numpy as np
 from ...schemas.generation import Turn
 from ..geometry import Values, arc_length, length_m, wrap_angle
 from ..maps import FAST_ROADS, RAMP_LINKS
-from ..network import LaneletLookup, RoadLanelet, RoadNetwork
+from ..network import Digraph, LaneletLookup, RoadLanelet, RoadNetwork, SumoNet
 from ..traffic import GeneratedVehicle
 from .site_ways import SiteWays, turn_of
 from .sites import SiteFocus, road_classes
@@ -64,7 +65,9 @@ def turn_made(
     if turn == "lane_change":
         is_made = _changes_lane(under, network)
     elif focus.kind == "ramp":
-        is_made = turn in _RAMP and _RAMP[turn](_classes(under, focus))
+        is_made = turn in _RAMP and _RAMP[turn](
+            [lanelet.edge_id for lanelet in under if not lanelet.internal], focus.net
+        )
     else:
         is_made = turn == "straight" and not _changes_lane(under, network) and _keeps_road(car, last_step)
     return MadeTurn(last_step) if is_made else None
@@ -246,22 +249,37 @@ def leads_without_change(start: RoadLanelet, region: "BaseGeometry", network: Ro
     return False
 
 
-def _classes(under: list[RoadLanelet], focus: SiteFocus) -> list[frozenset[str]]:
-    """Return the OSM classes of the roads under a car in order; the insides of junctions are left out."""
-    return [road_classes(focus.net.edges[lanelet.edge_id]) for lanelet in under if not lanelet.internal]
+def _takes_link(edges: list[str], net: SumoNet, *, onto_main: bool) -> bool:
+    """Return whether a car takes a link onto the main road from another road, or the reverse.
 
-
-def _takes_link(roads: list[frozenset[str]], *, onto_main: bool) -> bool:
-    """Return whether a car takes a link onto the main road from another road, or the reverse."""
+    Between two main roads, it does both, unless the first road itself leads to the second.
+    """
+    roads = [road_classes(net.edges[edge]) for edge in edges]
     if not any(classes & RAMP_LINKS for classes in roads):
         return False
     begins, ends = bool(roads[0] & FAST_ROADS), bool(roads[-1] & FAST_ROADS)
+    if begins and ends:
+        return not _leads_along_main_road(edges[0], edges[-1], net)
     return (begins, ends) == (not onto_main, onto_main)
 
 
-_RAMP: Mapping[Turn, Callable[[list[frozenset[str]]], bool]] = {
-    "merge": lambda roads: _takes_link(roads, onto_main=True),
-    "exit": lambda roads: _takes_link(roads, onto_main=False),
-    "straight": lambda roads: bool(roads) and all(classes & FAST_ROADS for classes in roads),
+def _leads_along_main_road(edge: str, other: str, net: SumoNet) -> bool:
+    """Return whether one edge of a main road leads to another without links."""
+    main = {key for key, one in net.edges.items() if not one.internal and road_classes(one) & FAST_ROADS}
+    onward: dict[str, list[tuple[str, float]]] = {}
+    for turn in net.connections:
+        if turn.from_edge in main and turn.to_edge in main:
+            onward.setdefault(turn.from_edge, []).append((turn.to_edge, 1.0))
+    return other in Digraph[str](lambda key: onward.get(key, ())).reachable([edge])
+
+
+def _stays_on_main_road(edges: list[str], net: SumoNet) -> bool:
+    return bool(edges) and all(road_classes(net.edges[edge]) & FAST_ROADS for edge in edges)
+
+
+_RAMP: Mapping[Turn, Callable[[list[str], SumoNet], bool]] = {
+    "merge": partial(_takes_link, onto_main=True),
+    "exit": partial(_takes_link, onto_main=False),
+    "straight": _stays_on_main_road,
 }
-"""The test for each manoeuvre at a ramp, by the classes of the roads that the car passes."""
+"""The test for each manoeuvre at a ramp, by the edges that the car passes in order, without those inside junctions."""

@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +14,21 @@ from plannerforge.engine.execution import silent
 from plannerforge.engine.generation.generator import generate_scenario
 from plannerforge.engine.generation.site_network import prepare_site
 from plannerforge.engine.generation.sites import fitting_sites, middle_of
+from plannerforge.engine.generation.turns import turn_made
+from plannerforge.engine.geometry import resample
+from plannerforge.engine.geometry.polyline import headings
 from plannerforge.engine.maps.drawn_library import Sketch
 from plannerforge.engine.maps.osm import read_osm
+from plannerforge.engine.network import LaneletLookup
 from plannerforge.engine.network.lanelet_graph import LaneletGraph
 from plannerforge.engine.network.net_parser import read_net
 from plannerforge.engine.scene.routing import center_line, ego_route
 from plannerforge.engine.traffic import OpenEdges
+from plannerforge.engine.traffic.motions import GeneratedVehicle
+from plannerforge.engine.vehicles import vehicle_classes
+from plannerforge.engine.vehicles.motion import Motion
 from plannerforge.schemas.errors import NotPossible, with_values
-from plannerforge.schemas.generation import GenerationRequest
+from plannerforge.schemas.generation import GenerationRequest, Turn
 
 pytestmark = pytest.mark.usefixtures("unknown_sites")
 
@@ -206,3 +214,33 @@ def test_road_classes_that_exclude_a_named_street_are_dropped_by_the_first_sugge
     with pytest.raises(NotPossible, match="First Street") as caught:
         fitting_sites(read_osm(tmp_path / "map.osm"), request)
     assert caught.value.remedies[0] == with_values(road_classes=None)
+
+
+def two_motorways() -> Sketch:
+    """Two motorways side by side, with a link from the first to the second, and one that leads back to the first."""
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-300, 0), (0, 0), (150, 0), (300, 0)], "motorway", ref="A 1", oneway="yes")
+    sketch.road([(-300, -60), (150, -60), (300, -60)], "motorway", ref="A 2", oneway="yes")
+    sketch.road([(0, 0), (40, -6), (110, -54), (150, -60)], "motorway_link", oneway="yes")
+    sketch.road([(0, 0), (40, 12), (110, 12), (150, 0)], "motorway_link", oneway="yes")
+    return sketch
+
+
+def test_a_link_between_two_motorways_is_an_exit_of_one_and_an_entry_of_the_other(tmp_path: Path) -> None:
+    request = request_in(tmp_path, two_motorways(), scenario_type="ramp")
+    osm = read_osm(tmp_path / "map.osm")
+    built = prepare_site(request, osm, fitting_sites(osm, request)[0], tmp_path, silent)
+    lookup = LaneletLookup(built.network)
+    origin = middle_of(replace(built.site, latitude=50.0, longitude=8.0), built.net)
+    begin = origin - (200.0, 0.0)
+    across = [begin, begin + (200.0, 0), begin + (240.0, -6.0), begin + (310.0, -54.0), begin + (350.0, -60.0)]
+    beside = [begin, begin + (200.0, 0), begin + (240.0, 12.0), begin + (310.0, 12.0), begin + (350.0, 0.0)]
+    made = {}
+    for name, points in (("across", across), ("beside", beside)):
+        line = resample(np.array([*points, points[-1] + (120.0, 0.0)]), 400)
+        turned = np.append(headings(line), 0.0)
+        motion = Motion(line, turned, np.full(len(line), 12.0), np.zeros(len(line)))
+        car = GeneratedVehicle("1", vehicle_classes()["car"], motion, True)
+        turns: tuple[Turn, ...] = ("exit", "merge", "straight")
+        made[name] = [one for one in turns if turn_made(one, car, 399, built.focus, built.network, lookup)]
+    assert made == {"across": ["exit", "merge"], "beside": []}
