@@ -12,7 +12,8 @@ folder of dictd with Debian's packages ``dict-freedict-*-*``; ``wikdict.py`` rea
 2. the dictionaries of most languages, by its first two meanings or the words that it translates;
 3. the pictures that it names in most languages;
 4. the pictures that it is a keyword of in most languages, if all pictures of one kind have it and no others;
-5. trucks, if it is a keyword of both trucks and otherwise at most of a pickup and a fire engine, which are trucks too.
+5. trucks, if it is a keyword of both trucks and otherwise at most of a pickup and a fire engine, which are trucks too;
+6. cars, if it is a keyword of a car and a word in those of an oncoming car, and no picture of another class has it.
 
 Words also match English texts. An English word without a class is therefore left out (a bill is a car in Icelandic), as
 are words without a letter. Words are in lower case, without accents, with letters and digits only.
@@ -48,6 +49,7 @@ POLICE = "👮🚨"
 DELIVERY_TRUCK, ARTICULATED_LORRY, PICKUP = "🚚🚛🛻"
 """A word for both of the first two is a truck, and so is one for a pickup; one for the first alone is a delivery van.
 The name of the second is a trailer if the language has a word for both, and otherwise its word for trucks."""
+CAR, ONCOMING_CAR = "🚗🚘"
 TRUCKS = f"{DELIVERY_TRUCK}{ARTICULATED_LORRY}{PICKUP}🚒"
 _KINDS = [kind for kinds in PICTURES.values() for kind in kinds if len(kind) > 1] + [DELIVERY_TRUCK + ARTICULATED_LORRY]
 SYNSETS = {
@@ -150,6 +152,30 @@ def words_for_trucks(folder: Path) -> dict[str, str]:
     return dict.fromkeys(found, "truck")
 
 
+def words_for_cars(folder: Path) -> dict[str, str]:
+    """Return the keywords of a car that are words in those of an oncoming car in a language, unless others have them.
+
+    Some languages have the word for a car alone only at one picture, as Korean, or also at carriages of trains, as
+    Hindi.
+    """
+    others = {picture for kinds in PICTURES.values() for kind in kinds for picture in kind} - set(CAR + ONCOMING_CAR)
+    others = (others | set(POLICE + TRUCKS)) - set("".join(PICTURES["car"]))
+    found: set[str] = set()
+    for path in sorted(folder.glob("*/annotations.json")):
+        pictures = dict(_pictures(path))
+        parts = {plain_word(part) for text in _texts(path, ONCOMING_CAR) for part in text.replace(",", " ").split()}
+        elsewhere = (words for picture, (_, words) in pictures.items() if {picture[0], picture[-1]} & others)
+        found |= (pictures.get(CAR, (set(), set()))[1] & parts).difference({""}, *elsewhere)
+    return dict.fromkeys(found, "car")
+
+
+def _texts(path: Path, picture: str) -> list[str]:
+    """Return the names and keywords of a picture as a language writes them."""
+    annotations: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["annotations"].get("annotations", {})
+    words = annotations.get(picture, {})
+    return [*words.get("tts", ()), *words.get("default", ())]
+
+
 def _for_both_trucks(pictures: Mapping[str, tuple[set[str], set[str]]]) -> set[str]:
     """Return the words that a language uses for both a delivery truck and an articulated lorry."""
     delivery, articulated = (pictures.get(one, (set(), set()))[1] for one in (DELIVERY_TRUCK, ARTICULATED_LORRY))
@@ -214,7 +240,8 @@ def main() -> None:
     english = set().union(*words_of_cldr(annotations, "en"), named_classes := words_of_wordnet(wordnet))
     others = set(english_words(wordnet)) - english
     translated = words_of_wikdict(dictionaries, annotations, named_classes)
-    found = words_for_trucks(annotations) | keywords | named | translated | named_classes
+    found = words_for_cars(annotations) | words_for_trucks(annotations)
+    found |= keywords | named | translated | named_classes
     named_classes = {word: class_ for word, class_ in found.items() if word not in others}
     named_classes = {word: class_ for word, class_ in named_classes.items() if not word.isnumeric()}
     words: dict[str, list[str]] = defaultdict(list)

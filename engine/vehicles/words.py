@@ -31,6 +31,8 @@ _VOCABULARIES = MappingProxyType(
 """Classes by their names in the field's vocabularies if these differ from ours: SUMO's vehicle classes and persons,
 CommonRoad's types of obstacles, the means of transport of OSM's key ``access``.
 """
+_VIRAMA = 9
+"""Unicode's combining class of the marks that remove a consonant's vowel."""
 _DETACHED = (("s", ""), ("ses", "s"), ("xes", "x"), ("ches", "ch"), ("shes", "sh"), ("men", "man"), ("ies", "y"))
 """Endings of English plurals and their replacements (WordNet's rules of detachment for nouns, morphy(7WN))."""
 
@@ -44,8 +46,17 @@ def vehicle_class_of(word: str) -> str | None:
 
 
 def plain_word(word: str) -> str:
-    """Return a word in lower case, without accents, and only with its letters and digits."""
-    return "".join(letter for letter in unicodedata.normalize("NFKD", word.casefold()) if letter.isalnum())
+    """Return a word in lower case, without accents, and only with its letters and digits.
+
+    The vowel signs of scripts such as Devanagari and Thai are letters too: without them, a truck is a turkey in Hindi.
+    """
+    letters = unicodedata.normalize("NFKD", word.casefold())
+    return "".join(letter for letter in letters if letter.isalnum() or _is_vowel_sign(letter))
+
+
+def _is_vowel_sign(letter: str) -> bool:
+    """Return whether a combining mark belongs to the spelling: accents and vowel points have other classes."""
+    return unicodedata.category(letter) in ("Mn", "Mc") and unicodedata.combining(letter) in (0, _VIRAMA)
 
 
 @cache

@@ -28,6 +28,7 @@ def test_a_class_means_itself_in_any_number_and_case(name: str) -> None:
         ),
         *(("furgoneta", "delivery"), ("camionnette", "delivery"), ("bromfiets", "moped"), ("машина", "car")),
         *(("트럭", "truck"), ("вантажівка", "truck"), ("کامیون", "truck"), ("xe tải", "truck")),
+        *(("승용차", "car"), ("कार", "car"), ("ट्रक", "truck"), ("ট্রাক", "truck"), ("കാർ", "car"), ("ماشین", "car")),
         *(("hgv", "truck"), ("passenger", "car"), ("priorityVehicle", "emergency"), ("person", "pedestrian")),
     ],
 )
@@ -36,7 +37,8 @@ def test_words_of_languages_and_of_the_field(word: str, meant: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "word", ["spaceship", "", "not", "start", "bill", "wheel", "drive", "vehicle", "112", "compact"]
+    "word",
+    ["spaceship", "", "not", "start", "bill", "wheel", "drive", "vehicle", "112", "compact", "टर्की", "차량", "운전"],
 )
 def test_a_word_that_mostly_means_something_else_is_not_a_road_user(word: str) -> None:
     assert vehicle_class_of(word) is None
