@@ -75,7 +75,7 @@ class PlanningTask:
     The goal is a rectangle (length, width) in m around ``center`` (2,), turned by ``heading_rad``, that the ego must
     reach within ``time_steps``. These fields rank egos:
 
-    - ``takes_street``: the path passes the site's junction or ring, or leads along a requested street.
+    - ``takes_street``: the path passes the site's ring, or leads along or across a requested street.
     - ``focus_passed``: the number of the site's areas that the recorded path to the goal passes.
     - ``on_spot``: the path passes the exact spot of the site, not only another junction nearby. If the goal should be
       beyond it, the path also starts before it.
@@ -118,11 +118,11 @@ def choose_task(
     If the car with the requested index has no such goal, for example because it waits in a queue, the best later car
     replaces it.
 
-    Cars are ranked by these criteria in order: the recorded path is drivable; it leads along a requested street or
-    through the site's junction; it passes the site; it passes the exact spot; it makes no other turn than the requested
-    turn. After these, it must suit a goal beyond the site, and its lanes can be followed. A path suits a goal that must
-    be beyond the site if it leaves the site and takes most of the duration. The first car wins a tie. Tasks that
-    ``accepts`` rejects are skipped.
+    Cars are ranked by these criteria in order: the recorded path is drivable; it leads along or across a requested
+    street, or around the site's ring; it passes the site; it passes the exact spot; it makes no other turn than the
+    requested turn. After these, it must suit a goal beyond the site, and its lanes can be followed. A path suits a goal
+    that must be beyond the site if it leaves the site and takes most of the duration. The first car wins a tie. Tasks
+    that ``accepts`` rejects are skipped.
 
     Raises:
         NotPossible: there are fewer cars than the requested index, or no car reaches the requested goal.
@@ -212,8 +212,7 @@ def _with_site_criteria(
     """Return the task with the parts of the site that it passes and, if required, whether the goal is beyond it."""
     passed = focus.parts_passed(task.ego, task.goal_step)
     on_spot = not passed or focus.is_on_spot(task.ego, task.goal_step)
-    at_junction = focus.ways is not None and passed > 0 and on_spot
-    takes_street = at_junction or focus.takes_street(task.ego, task.goal_step)
+    takes_street = (focus.kind == "roundabout" and passed > 0) or focus.takes_street(task.ego, task.goal_step)
     if not spec.goal.is_through:
         return replace(task, takes_street=takes_street, focus_passed=passed, on_spot=on_spot)
     on_spot = on_spot and (not passed or drives_through(task.ego, task.goal_step, focus, network, lookup))

@@ -675,11 +675,15 @@ def _ramp_near(net: SumoNet, middle: Points) -> bool:
 
 
 def lines_of_streets(osm: OsmMap, streets: Iterable[tuple[str, ...]], net: SumoNet) -> "BaseGeometry | None":
-    """Return the lines of the requested streets in the net's coordinates; None without streets or positions."""
+    """Return the lines of the requested streets in the net's coordinates; None without streets or positions.
+
+    Their slip roads, which may have the same name, do not count, unless there is nothing else.
+    """
     from pyproj import Proj
     from shapely import MultiLineString
 
-    ways = {way.way_id: way for names in streets for way in _called(osm, names) if len(way.node_ids) > 1}
+    called = {way.way_id: way for names in streets for way in _called(osm, names) if len(way.node_ids) > 1}
+    ways = {key: way for key, way in called.items() if way.road_class not in LINKS} or called
     if not ways or not net.projection:
         return None
     places = {key: osm.nodes[key].position for way in ways.values() for key in way.node_ids}
@@ -700,10 +704,10 @@ REACH_M = 200.0
 """Maximum distance of a site's areas from its middle (chosen): links and main roads continue to other ramps."""
 STREET_M = 15.0
 """Maximum distance of a car on a street from the street's line on the map (chosen): half of a road with eight lanes."""
-LEAST_ON_STREET_M, LEAST_SHARE_ON_STREET = 40.0, 0.25
-"""A path takes a street along which it leads for this length, or for this share if that is less (chosen).
+LEAST_ON_STREET_M, LEAST_SHARE_ON_STREET = 25.0, 0.25
+"""Minimum length of a path within ``STREET_M`` of a street, or minimum share if that is less (chosen).
 
-A path that only crosses the street is within ``STREET_M`` of it for 30 m.
+A path across the street is within this distance for at least 30 m, and one that only touches the street is not.
 """
 
 
@@ -751,7 +755,7 @@ class SiteFocus:
         return bool(contains_xy(self._spot, *car.motion.positions[: last_step + 1].T).any())
 
     def takes_street(self, car: GeneratedVehicle, last_step: int) -> bool:
-        """Return whether the car drives along a requested street up to a step; True if no street is requested."""
+        """Return whether the car drives along or across a requested street up to a step; True without such a street."""
         from shapely import LineString
 
         if self._streets is None:

@@ -233,11 +233,11 @@ def test_a_link_between_two_motorways_is_an_exit_of_one_and_an_entry_of_the_othe
     lookup = LaneletLookup(built.network)
     origin = middle_of(replace(built.site, latitude=50.0, longitude=8.0), built.net)
     begin = origin - (200.0, 0.0)
-    across = [begin, begin + (200.0, 0), begin + (240.0, -6.0), begin + (310.0, -54.0), begin + (350.0, -60.0)]
-    beside = [begin, begin + (200.0, 0), begin + (240.0, 12.0), begin + (310.0, 12.0), begin + (350.0, 0.0)]
+    across = [(0.0, 0.0), (200.0, 0.0), (240.0, -6.0), (310.0, -54.0), (350.0, -60.0), (470.0, -60.0)]
+    beside = [(0.0, 0.0), (200.0, 0.0), (240.0, 12.0), (310.0, 12.0), (350.0, 0.0), (470.0, 0.0)]
     made = {}
     for name, points in (("across", across), ("beside", beside)):
-        line = resample(np.array([*points, points[-1] + (120.0, 0.0)]), 400)
+        line = resample(np.array(points) + begin, 400)
         turned = np.append(headings(line), 0.0)
         motion = Motion(line, turned, np.full(len(line), 12.0), np.zeros(len(line)))
         car = GeneratedVehicle("1", vehicle_classes()["car"], motion, True)
