@@ -118,9 +118,9 @@ def choose_task(
     If the car with the requested index has no such goal, for example because it waits in a queue, the best later car
     replaces it.
 
-    Cars are ranked by these criteria in order: the recorded path is drivable; it leads along or across a requested
-    street, or around the site's ring; it passes the site; it passes the exact spot; it makes no other turn than the
-    requested turn. After these, it must suit a goal beyond the site, and its lanes can be followed. A path suits a goal
+    Cars with a drivable recorded path come first, then cars with a path along or across a requested street. Further
+    criteria in order are: the path passes the site; it passes the exact spot; it makes no other turn than the requested
+    turn. After these, it must suit a goal beyond the site, and its lanes can be followed. A path suits a goal
     that must be beyond the site if it leaves the site and takes most of the duration. The first car wins a tie. Tasks
     that ``accepts`` rejects are skipped.
 
@@ -212,7 +212,7 @@ def _with_site_criteria(
     """Return the task with the parts of the site that it passes and, if required, whether the goal is beyond it."""
     passed = focus.parts_passed(task.ego, task.goal_step)
     on_spot = not passed or focus.is_on_spot(task.ego, task.goal_step)
-    takes_street = (focus.kind == "roundabout" and passed > 0) or focus.takes_street(task.ego, task.goal_step)
+    takes_street = focus.takes_street(task.ego, task.goal_step)
     if not spec.goal.is_through:
         return replace(task, takes_street=takes_street, focus_passed=passed, on_spot=on_spot)
     on_spot = on_spot and (not passed or drives_through(task.ego, task.goal_step, focus, network, lookup))

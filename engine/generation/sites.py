@@ -755,10 +755,13 @@ class SiteFocus:
         return bool(contains_xy(self._spot, *car.motion.positions[: last_step + 1].T).any())
 
     def takes_street(self, car: GeneratedVehicle, last_step: int) -> bool:
-        """Return whether the car drives along or across a requested street up to a step; True without such a street."""
+        """Return whether the car drives along or across a requested street, or around the ring, up to a step.
+
+        The result is True if no street is requested.
+        """
         from shapely import LineString
 
-        if self._streets is None:
+        if self._streets is None or (self.kind == "roundabout" and self.parts_passed(car, last_step)):
             return True
         path = LineString(car.motion.positions[: last_step + 1])
         least_m = min(LEAST_ON_STREET_M, LEAST_SHARE_ON_STREET * path.length)

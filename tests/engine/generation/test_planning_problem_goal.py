@@ -63,6 +63,10 @@ class WholeRoad:
         return int(last_step < len(car.motion.positions))
 
     @staticmethod
+    def takes_street(car: GeneratedVehicle, last_step: int) -> bool:
+        return True
+
+    @staticmethod
     def is_on_spot(car: GeneratedVehicle, step: int) -> bool:
         return "beside" not in car.vehicle_id
 

@@ -75,6 +75,10 @@ class WholeRoad:
         return 1
 
     @staticmethod
+    def takes_street(car: GeneratedVehicle, last_step: int) -> bool:
+        return True
+
+    @staticmethod
     def is_on_spot(car: GeneratedVehicle, step: int) -> bool:
         return "beside" not in car.vehicle_id
 
