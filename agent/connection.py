@@ -64,7 +64,7 @@ class ToolSource(Protocol):
 
     @property
     def tools(self) -> tuple[ToolDefinition, ...]:
-        """The tools in the model's form."""
+        """The tools in the model's format."""
 
     @property
     def instructions(self) -> str:

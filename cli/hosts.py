@@ -51,7 +51,7 @@ class Host:
         return home / (self.mac if self.mac and platform == "darwin" else self.path)
 
     def entry(self, command: Sequence[str]) -> dict[str, Any]:
-        """Return the server's entry in this host's form."""
+        """Return the server's entry in this host's format."""
         return {**dict(self.extra), "command": command[0], "args": list(command[1:])}
 
 

@@ -141,7 +141,10 @@ class BoundaryRecord(Model):
         return at | mapped
 
     def nearest_to_base(self, points: tuple[MapPoint, ...]) -> MapPoint | None:
-        """Return the point nearest to the ordinary encounter; distances are measured in fractions of the ranges."""
+        """Return the point nearest to the base values, those of an ordinary encounter.
+
+        Distances are measured in fractions of the ranges.
+        """
 
         def away(point: MapPoint) -> float:
             return sum(

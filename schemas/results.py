@@ -671,7 +671,7 @@ _STATED_ABOVE = frozenset(
 
 
 def _no_suggestion(result: AnalyzeResultsResult) -> list[str]:
-    """Return a line that no finding suggests a weight; empty if one does, or if findings were not requested."""
+    """Return a line saying that no finding suggests a weight; empty if one does, or if findings were not requested."""
     if result.detail != "findings" or any(finding.suggestion for finding in result.findings):
         return []
     return [

@@ -403,7 +403,7 @@ def _owner(ctx: ServerRequestContext[Any]) -> str:
 
 
 def _wire(task: Task, *, detailed: bool) -> dict[str, Any]:
-    """Return a task in the extension's form."""
+    """Return a task in the extension's format."""
     asks = bool(task.questions) and not task.ended
     shown: dict[str, Any] = {
         "taskId": task.task_id,

@@ -23,7 +23,10 @@ def count_tokens(text: str) -> int:
 
 
 def has_tables() -> bool:
-    """Return whether the encoding's table is loaded, which takes 0.3 s of processor time and blocks the interpreter."""
+    """Return whether the encoding's table has been loaded.
+
+    Loading it takes 0.3 s of processor time and blocks the interpreter.
+    """
     return _encoding.cache_info().currsize > 0
 
 

@@ -11,7 +11,7 @@ Schema = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class ToolDefinition:
-    """A tool in the model's form; ``parameters`` is the flat JSON Schema of its arguments.
+    """A tool in the model's format; ``parameters`` is the flat JSON Schema of its arguments.
 
     ``read_only`` is True if the server declares that a call changes nothing.
     """

@@ -209,7 +209,7 @@ def _wire_tool(tool: ToolDefinition) -> dict[str, Any]:
 
 
 def _duration(written: str) -> float | str:
-    """Return a time in Ollama's form: a number of seconds if it is only a number, otherwise a text with its unit."""
+    """Return a time in Ollama's format: a number of seconds if it is only a number, otherwise a text with its unit."""
     try:
         return float(written)
     except ValueError:

@@ -547,7 +547,7 @@ def relative_heading(ego: Track, index: int, other: Track, at: int) -> RelativeH
 
 
 def stands(other: Track, at: int) -> bool:
-    """Return True if a road user stands at a state, so that it is neither oncoming nor crossing."""
+    """Return True if a road user is standing at a state, so that it is neither oncoming nor crossing."""
     return bool(other.speeds_mps[at] < STANDING_MPS)
 
 

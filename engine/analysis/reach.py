@@ -1,4 +1,7 @@
-"""Decides whether an ego that respects the speed limit can reach a goal in time, bounded by a straight line."""
+"""Decides whether an ego that respects the speed limit could reach a goal in time on a straight line.
+
+No path to the goal is shorter, so an ego that fails on this line cannot reach the goal in time on any path.
+"""
 
 import math
 from typing import Any

@@ -414,11 +414,11 @@ def known_places(connection: sqlite3.Connection, among: Container[int] | None = 
 
 
 def location_constraints(connection: sqlite3.Connection, country: str | None, city: str | None) -> list[Constraint]:
-    """Return conditions for the country and the city; they need not be in the catalogue.
+    """Return conditions for the country and the city. The catalogue need not contain this country or city.
 
     Raises:
-        UnknownName: the country is neither an ISO alpha-3 code nor a known name, or the city probably
-            misspells a place of the catalogue.
+        UnknownName: the country is neither an ISO alpha-3 code nor a known name, or the city is probably a
+            misspelt place in the catalogue.
     """
     constraints = []
     if country is not None:

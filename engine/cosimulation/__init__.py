@@ -11,7 +11,7 @@
 ``recorded_plan``: returns the ``DrivePlan`` of a recorded vehicle along its recorded route.
 ``sent_on``: returns the plan of a vehicle that an edit sends somewhere; a vehicle added to stand starts to move.
 ``Manoeuvre``: an order to a driven vehicle that starts at a step: a speed, or a lane change.
-``Halt``: an order to a driven vehicle to stand, from a first step until a second one (excluded).
+``Halt``: an order to a driven vehicle to stop, from one step up to, but not including, another.
 ``JunctionLaneChange``: a lane change inside a junction.
 ``Replay``: a road user that moves by a given track, not by SUMO.
 ``SpeedAct``: part of a script: starting at a step, change speed with a prescribed acceleration.

@@ -97,7 +97,7 @@ class Actor:
         return {}
 
     def stands_at(self, index: int) -> bool:
-        """Return True if the vehicle stands at a state and at the state before, at the same pose."""
+        """Return True if the vehicle is standing at a state: its speed is 0, and the state before is the same."""
         return bool(self._stands[index])
 
     @cached_property

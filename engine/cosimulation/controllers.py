@@ -1,9 +1,9 @@
 """Speed controllers: slow driven vehicles down for reasons that SUMO's driver model does not cover.
 
-Each handles one case that SUMO does not: waiting for a gap next to the target's lane, a curve that is nearer than the
-driver's own deceleration allows, curves of a long lane, halts that give way. After every step, each controller returns
-a vehicle's maximum speed for the next step, and the lowest of these speeds applies. Controllers brake with the driver's
-own deceleration, and harder only if that would be too late (:func:`next_speed_mps`). Speeds in m/s.
+Each handles one case that SUMO does not: waiting for a gap next to the target lane, a curve that is nearer than the
+driver's own deceleration allows, curves of a long lane, or a halt to give way. After every step, each controller
+returns a vehicle's maximum speed for the next step, and the lowest of these speeds applies. Controllers brake with the
+driver's own deceleration, and harder only if that would be too late (:func:`next_speed_mps`). Speeds in m/s.
 """
 
 import math

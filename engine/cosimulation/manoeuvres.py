@@ -45,7 +45,10 @@ class Manoeuvre:
 
 @dataclass(frozen=True)
 class Halt:
-    """An order from ``from_step`` until before ``until_step``: roll at most ``rolled_m`` after SUMO takes over."""
+    """An order to stop within ``rolled_m`` of the place where SUMO takes over.
+
+    The order applies from ``from_step`` up to, but not including, ``until_step``.
+    """
 
     from_step: int
     until_step: int

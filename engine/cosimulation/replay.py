@@ -1,7 +1,7 @@
 """Hybrid re-simulation in SUMO: recorded vehicles replay exactly, and driven vehicles react to them.
 
-Before every step, replayed vehicles are placed at their recorded pose after that step. Their speed is set after the
-step, so that other vehicles see it. A driven vehicle is treated in the same way until its hand-over.
+Before every step, replayed vehicles are moved to the pose that was recorded for the end of that step. Their speed is
+set after the step, so that other vehicles see it. A driven vehicle is treated in the same way until its hand-over.
 
 A replayed vehicle that is too far from every driven one to matter is left out: otherwise, most of the time of a
 re-simulation would be spent on finding such vehicles' lanes.

@@ -341,7 +341,7 @@ class DrivenVehicle:
         return lanelets[:count]
 
     def _gets_onto(self, lanelet_id: int, begin: int) -> bool:
-        """Return True if, during or between steps, a significant part of the vehicle's front half is on a lanelet."""
+        """Return True if, at or between steps, a significant part of the vehicle's front half is on a lanelet."""
         area = self.scene.matcher.area(lanelet_id)
         least_m = min(_ON_IT_M, self.scene.lanelet_graph.length_m[lanelet_id] / 2)
         centres, fronts = self.track.positions[begin:], self.track.fronts[begin:]

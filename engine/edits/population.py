@@ -186,7 +186,7 @@ def _where(places: list[Place], spacing_m: float) -> str:
 
 
 def _no_more(error: NotPossible, number: int, count: int, spacing_m: float, vehicle_class: VehicleClass) -> NotPossible:
-    """Return the refusal if only some of several vehicles have a place; it proposes a smaller number or spacing."""
+    """Return the refusal of an edit with too little room for all vehicles; it proposes fewer, or a larger spacing."""
     least_m = math.ceil(10 * (vehicle_class.length_m + CLEARANCE_M + _ROUNDING_M)) / 10
     too_near = spacing_m < least_m
     why = f"a {vehicle_class.name} is {vehicle_class.length_m:g} m long" if too_near else error.message
@@ -427,7 +427,7 @@ def _at_kerb(scene: Scene, place: Place, side: str, vehicle_class: VehicleClass)
 def _add_crossing(edit: Edit, scene: Scene, changes: Changes, who: _Crosser) -> EditStep:
     """Add a pedestrian or cyclist who moves along a footpath or crossing from the place, or crosses the road there.
 
-    With ``duration_s``, it stands at its start for that time first, where drivers see it.
+    With ``duration_s``, the pedestrian or cyclist first stands at the start for that time, where drivers can see them.
 
     Raises:
         InvalidRequest: an argument for vehicles is given, or the speed or the departure is impossible.

@@ -697,7 +697,7 @@ def _sent_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _from_path(aside_m: float, who: str) -> str:
-    """Return where a vehicle is next to a path, or that it is on the path."""
+    """Return the distance from another road user's path as text; a distance below 0.5 m counts as on the path."""
     return f"{abs(aside_m):.1f} m from the path of {who}" if abs(aside_m) >= 0.5 else f"on the path of {who}"
 
 

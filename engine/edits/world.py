@@ -582,7 +582,7 @@ def _friction_named(text: str, value: str) -> tuple[float, str]:
 
 
 def _set_weather(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
-    """Write the weather and the friction of the roads to the file; return what was done, and what uses them."""
+    """Write the weather and the friction of the roads to the file; return the changes and what they affect, as text."""
     conditions = _conditions_named(edit)
     notes = []
     if conditions.weather is not None:

@@ -35,7 +35,7 @@ class Task(Model):
     state: TaskState
     message: str
     questions: dict[str, Any]
-    """Open questions by their keys, in the protocol's form."""
+    """Open questions by their keys, in the protocol's format."""
     answers: dict[str, Any]
     result: dict[str, Any]
     """The answer of the tool, or the error of the protocol if the call failed."""

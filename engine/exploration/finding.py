@@ -181,8 +181,9 @@ def speed_band(speed_mps: float | None) -> str:
 
 
 def shrink_failure(request: ShrinkRequest, report: ProgressReporter) -> Shrunk:
-    """Simplify a failure as long as it stays the same: fewer road users, values nearer to the base, a shorter time
-    span.
+    """Reduce a failure to a simpler scenario in which the planner fails in the same way.
+
+    The reduced scenario has fewer road users, values nearer to the base, and a shorter time span.
 
     Raises:
         InvalidRequest: there is no failure at the point.

@@ -1,4 +1,4 @@
-"""Logical scenarios by name: those of the catalogue, and a user's own files in the same form."""
+"""Logical scenarios by name: those of the catalogue, and a user's own files in the same format."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -38,7 +38,7 @@ def logical_scenario(name: str) -> LogicalScenario:
 
 
 def logical_scenario_in(path: Path, name: str = "") -> LogicalScenario:
-    """Return a logical scenario of a YAML file in the catalogue's form, by default the first one.
+    """Return a logical scenario from a YAML file in the catalogue's format, by default the first one.
 
     Raises:
         UnsafeInput: the file is too large or cannot be read.

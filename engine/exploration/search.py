@@ -251,8 +251,8 @@ class FailureSearch:
     def _model(self, known: _Known, candidates: Values, left: float = _LEFT) -> tuple[Values, Values, float]:
         """Return mean and standard deviation of the scores at candidates (n, d), and the spread of the known scores.
 
-        ``left``: the value of failures in cells that the search no longer explores. Points that are still being
-        evaluated count as having an ordinary score.
+        ``left``: the score that the model uses for failures in cells that the search no longer explores. Points that
+        are still being evaluated count as having an ordinary score.
         """
         points = np.array(known.points)
         values = np.array([self._modelled(score, left) for score in known.scores])

@@ -166,7 +166,7 @@ class _Way:
 
 @dataclass(frozen=True)
 class SpaceBuilder:
-    """Builds the strata of a scenario.
+    """Builds the strata of a scenario: logical scenarios with one counterpart and one manoeuvre each.
 
     ``base``: the scenario's id; ``nominal``: the planner's motion up to the horizon.
     """
@@ -239,7 +239,7 @@ class SpaceBuilder:
         return {"time_s": f"begin_s + {self._begins_s:g}"}
 
     def _recorded(self) -> Iterator[LogicalScenario]:
-        """Yield the strata of recorded road users that come near."""
+        """Yield the strata with a recorded road user that comes near."""
         first = self.nominal.first_step
         steps = np.arange(first, first + len(self.nominal.positions))
         near = []
@@ -363,7 +363,7 @@ class SpaceBuilder:
         )
 
     def _added(self) -> Iterator[LogicalScenario]:
-        """Yield the strata of added road users."""
+        """Yield the strata with an added road user."""
         if not len(self._way.along):
             return
         for side in ("right", "left"):

@@ -715,7 +715,7 @@ class SiteFocus:
     """The areas of a site that its ego's path should pass: the ring, the junction, or link and main road.
 
     ``ring``: the edges of a roundabout. ``ways``: the ways through the ring, or through the junctions that the site was
-    made of; None if a road or a ramp is the site. ``streets``: the lines of the requested streets, if any.
+    made from; None if the site is a road or a ramp. ``streets``: the lines of the requested streets, if any.
     """
 
     def __init__(self, site: Site, net: SumoNet, network: RoadNetwork, streets: "BaseGeometry | None" = None) -> None:
@@ -735,8 +735,9 @@ class SiteFocus:
         return max(len(self._areas), 1)
 
     def parts_passed(self, car: GeneratedVehicle, last_step: int) -> int:
-        """Count the areas that the car's centre passes up to a step; 0 if it misses the first, always 1 if a road is
-        the site.
+        """Count the areas that the car's centre passes up to a step.
+
+        The result is 0 if the car misses the first area, and always 1 if the site is a road.
         """
         from shapely import contains_xy
 
@@ -770,7 +771,7 @@ class SiteFocus:
     def inside(self, car: GeneratedVehicle) -> NDArray[np.bool_]:
         """Return a mask of the steps at which the car's centre is on the ring, or in the junctions of the site.
 
-        At a site of several junctions, the edges between them count as inside. If a road or a ramp is the site, all
+        At a site of several junctions, the edges between them count as inside. If the site is a road or a ramp, all
         entries are False.
         """
         from shapely import contains_xy
@@ -782,7 +783,7 @@ class SiteFocus:
         return within
 
     def is_left_by(self, car: GeneratedVehicle, step: int) -> bool:
-        """Return whether the car's centre is outside all areas at a step; always True if a road is the site."""
+        """Return whether the car's centre is outside all areas at a step; always True if the site is a road."""
         from shapely import contains_xy
 
         x, y = car.motion.positions[step]

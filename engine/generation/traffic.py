@@ -138,7 +138,7 @@ def generate_traffic(
         seed = _mixed_seed(request.seed, request.index, attempt + ATTEMPTS * round_number)
         choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
         trips = _trips(request, aim, site.net, lasting_s, choice)
-        if aim.turning and aim.plan is None and site.focus.ways is not None:  # not if a road or a ramp is the site
+        if aim.turning and aim.plan is None and site.focus.ways is not None:  # not if the site is a road or a ramp
             ego_class = vehicle_classes()[demand.ego_class]
             most_late = demand.counts[demand.ego_class] + EGO_CANDIDATES
             trips = TurningTrips(

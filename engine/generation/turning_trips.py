@@ -32,7 +32,7 @@ SLOWER = 1.5
 
 
 def possible_turns(net: SumoNet, focus: SiteFocus, sumo_class: str) -> frozenset[Turn] | None:
-    """Return the turns that a vehicle of a SUMO class can make at a site, or None if a road or a ramp is the site."""
+    """Return the turns that a vehicle of a SUMO class can make at a site, or None if the site is a road or a ramp."""
     if focus.ways is None:
         return None
     turns = {turn for turn, _ in focus.ways.through(OpenEdges.of(net, sumo_class))}

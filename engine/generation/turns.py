@@ -55,7 +55,7 @@ def turn_made(
 ) -> MadeTurn | None:
     """Return the given turn if a car makes it on its path up to a step, otherwise None.
 
-    A turn to the left or right belongs to the junctions that the site was made of, or to its ring: the car comes from
+    A turn to the left or right belongs to the junctions that the site was made from, or to its ring: the car comes from
     outside and has left it by then. A car that goes straight does not change lanes if the site is a road, and stays on
     the main road if it is a ramp.
     """

@@ -1317,7 +1317,7 @@ def _road_index(known: tuple[str, ...], several: tuple[tuple[str, ...], ...]) ->
 
 @lru_cache(maxsize=256)
 def _beginnings(known: tuple[str, ...], several: tuple[tuple[str, ...], ...]) -> tuple[tuple[str, str], ...]:
-    """Return the joined words of each road name, sorted, with the road's main name."""
+    """Return pairs of a road name's joined words and the road's main name, sorted for a search by prefix."""
     spellings = _road_index(known, several).spellings
     return tuple(sorted((" ".join(words_of_name(one)), name) for name, every in spellings.items() for one in every))
 

@@ -27,7 +27,7 @@ _PACKED = (".gz", ".bz2")
 
 @dataclass(frozen=True)
 class MapFormat:
-    """A format of maps: its file names, and how to recognise its content.
+    """A map format: its file names, and how to recognise its content.
 
     ``ending``: the file extension of a stored map, in lower case. ``endings``: the file extensions that count as maps;
     packed files have one of these before their own extension. ``root``: the root element of its XML; empty if the
@@ -178,7 +178,7 @@ def is_binary(path: Path) -> bool:
 
 
 def _is_pbf(path: Path) -> bool:
-    """Return whether a file begins with the header of OpenStreetMap's binary format: a length, and its keyword."""
+    """Return whether a file begins like OpenStreetMap's binary format: ``OSMHeader`` is in its first 32 bytes."""
     try:
         with path.open("rb") as stream:
             return b"OSMHeader" in stream.read(32)

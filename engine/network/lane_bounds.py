@@ -313,7 +313,7 @@ def _draw_together(center: Points, bound: Points, first: int, last: int) -> None
 
 
 def is_valid(left: Points, right: Points) -> bool:
-    """Return whether the bounds enclose a simple polygon, even after a file's rounding, which may close a gap."""
+    """Return whether the bounds enclose a simple polygon once rounded as in a file; rounding can close a narrow gap."""
     from shapely.geometry import Polygon
 
     polygon = Polygon(np.round(np.concatenate([left, right[::-1]]), ROAD_DECIMALS))

@@ -326,7 +326,7 @@ def short_names(runs: Sequence[RunRecord]) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class ScenarioView:
-    """One scenario to draw: its content, the runs over it and the shown step.
+    """One scenario to draw: its content, the runs over it and the displayed step.
 
     ``focus_id``: the road user in the middle of the picture, which is present at the step; None means the ego.
     """
@@ -338,13 +338,13 @@ class ScenarioView:
 
     @property
     def unseen(self) -> frozenset[int]:
-        """The road users that no planner received at the shown step; empty without a run in an imperfect world."""
+        """The road users that no planner received at the displayed step; empty without a run in an imperfect world."""
         each = [path.unseen_at(self.step) for path in self.paths]
         return frozenset.intersection(*each) if each else frozenset()
 
     @property
     def time_s(self) -> float:
-        """The shown time in seconds."""
+        """The displayed time in seconds."""
         return self.step * self.content.step_s
 
     def ego_colour(self, number: int) -> str:

@@ -196,7 +196,7 @@ def _focus(content: ScenarioContent, step: int, focus_id: int | None) -> int | N
 
 
 def _step(content: ScenarioContent, paths: tuple[DrivenPath, ...], time_s: float | None) -> int:
-    """Return the shown step: the requested time, otherwise the first end of a run, otherwise the start."""
+    """Return the step to display: the requested time, otherwise the first end of a run, otherwise the start."""
     last = max([content.last_step, *(path.last_step for path in paths)])
     if time_s is None:
         return min((path.last_step for path in paths), default=content.ego_step)

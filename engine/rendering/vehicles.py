@@ -135,7 +135,7 @@ def label_vehicles(
 
     Args:
         axes: The axes with their final limits and position.
-        vehicles: All vehicles at the shown time.
+        vehicles: All vehicles at the displayed time.
         egos: Labels and corners of the egos, which are labelled first and which no label may cover.
         near: The point of interest.
         viewport: The visible part of the axes.

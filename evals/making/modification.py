@@ -77,7 +77,10 @@ def _together(found: Mapping[str, tuple[Truth, ...]], number: int) -> tuple[Trut
 
 
 def _whole(truth: Truth) -> Truth:
-    """Return an edit's truth with all keys that a corpus has for this edit, including optional keys without a value."""
+    """Return an edit's ground truth with every key that a corpus states for its operation.
+
+    A missing optional key gets its default.
+    """
     given = dict(truth)
     if given["op"] == "reroute":
         given |= {"match": "exact"}

@@ -1,1 +1,1 @@
-"""The results of an evaluation: rows, tables in the paper's form, a report, and the comparison of two evaluations."""
+"""The results of an evaluation: rows, tables in the paper's format, a report, and a comparison of two evaluations."""

@@ -1,4 +1,4 @@
-"""Tables of an evaluation in the paper's form: a row for each agent, the paper's rows below, and the cost.
+"""Tables of an evaluation in the paper's format: a row for each agent, the paper's rows below, and the cost.
 
 Our own shares have their 95 % Wilson interval. The paper's headings are used if a scorer has the same column.
 """

@@ -149,7 +149,7 @@ class BenchMaps:
     """Maps by the names of their files.
 
     ``files`` are readable as XML; ``unread`` states why other files are not. ``places`` is the content of the folder's
-    list for each, and ``entries`` are the listed maps, in the generator's form.
+    list for each, and ``entries`` are the listed maps, in the generator's format.
     """
 
     entries: tuple[MapEntry, ...]

@@ -164,7 +164,10 @@ def _added(truth: Mapping[str, Any], report: Mapping[str, Any], scene: SceneFile
 
 
 def _begins_at(scene: SceneFile, user: RoadUser, place: Mapping[str, Any]) -> bool:
-    """Return whether a vehicle begins at a position in m along a lanelet, moved inwards by half its length at ends."""
+    """Return whether a vehicle begins near a position in m along a lanelet.
+
+    The tolerance includes half the vehicle's length, because a vehicle at the end of a lanelet is moved inwards by it.
+    """
     lane = scene.lanelets.get(int(place["lanelet"]))
     if lane is None:
         return False

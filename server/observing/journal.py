@@ -140,7 +140,7 @@ class Journal:
         return count_tokens(text)
 
     def _fit(self, value: Any, longest: int = LONGEST_TEXT) -> Any:
-        """Return a value in the journal's form: a few elements, and texts on one line, cut and without secrets."""
+        """Return a value in the journal's format: a few elements, and texts on one line, cut and without secrets."""
         if isinstance(value, str):
             return one_line(self._secrets.left_out_of(value[:_SEARCHED]), longest)
         if isinstance(value, dict):

@@ -133,7 +133,7 @@ def _sides_of(
 
 
 def _star(count: int) -> _Couples:
-    """Return the pairs that match the first side with each other side."""
+    """Return the pairs that match the first side with every other one."""
     return tuple((0, place) for place in range(1, count))
 
 

@@ -286,7 +286,8 @@ def share_sites(matches: Sequence[MapMatch], counts: Sequence[int], wanted: int)
 def nth_site(counts: Sequence[int], turn: int) -> tuple[int, int, int]:
     """Return the map and the site for a turn, with maps in rotation, and how often all sites were used before.
 
-    ``counts`` are the sites per map. All first sites come before all second sites, as in :func:`share_sites`.
+    ``counts`` holds each map's number of sites. All first sites come before all second sites, as in
+    :func:`share_sites`.
     """
     lap, left = divmod(turn, sum(counts))
     done = 0

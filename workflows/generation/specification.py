@@ -405,7 +405,10 @@ def _without_class(name: str, texts: Sequence[str]) -> list[Remedy]:
 
 
 def _vehicle_demands(texts: list[str], in_our_words: Iterable[str]) -> tuple[VehicleDemand, ...]:
-    """Return the demands; refusals repeat the words of the call."""
+    """Return the demands in the normalised texts ``in_our_words``.
+
+    Errors and remedies that concern all demands together cite ``texts``, the words of the call.
+    """
     demands = tuple(_vehicle_demand(text) for text in in_our_words)
     requested = sum(demand.needed for demand in demands)
     on_foot = sum(demand.needed for demand in demands if demand.vehicle_class == PEDESTRIAN.name)

@@ -331,7 +331,7 @@ def _ground(document: etree._Element) -> GeoReference | None:
 
 
 def _around(loaded: LoadedScenario, degrees: tuple[float, float] | None) -> GeoReference:
-    """Return a plane on earth with the network's middle at the file's location, or at the artificial location."""
+    """Return a georeference that puts the network's middle at ``degrees``, or at the artificial location if None."""
     points = np.concatenate([lanelet.center_vertices[:, :2] for lanelet in loaded.scenario.lanelet_network.lanelets])
     x, y = (points.min(axis=0) + points.max(axis=0)) / 2
     if degrees is None:

@@ -130,7 +130,10 @@ class _Search:
         return crossings or (found[0] if town else [])
 
     def within(self, roads: Sequence[str], town: str) -> list[NamedPlace]:
-        """Return the settlements of a name with the roads, which the map may have although Nominatim does not."""
+        """Return the settlements with the name ``town``, with the roads to look for on a map.
+
+        The map may contain the roads even if Nominatim does not know them.
+        """
         hints = tuple((road,) for road in roads)
         return [place.model_copy(update={"roads": hints}) for place in self.find(town) if place.is_settlement]
 

@@ -80,10 +80,10 @@ class Answered(Generic[_Read]):
 
 @dataclass(frozen=True)
 class _Question(Generic[_Read]):
-    """A question to services of one kind, at their addresses.
+    """A query for online services of one kind, at addresses to try in order.
 
     ``ask`` sends it to the service at an address. ``read`` reads the answer or raises ``NotReadable``.
-    ``is_sufficient`` returns whether an answer is not empty.
+    ``is_sufficient`` returns whether an answer has content.
     """
 
     text: str

@@ -54,9 +54,9 @@ def cut_map(
 ) -> tuple[OsmWay, ...]:
     """Write the roads of the given classes within a circle around (latitude, longitude) as an .osm file.
 
-    Turn restrictions are kept if all their ways are inside in one piece. ``pavements`` replace those in the tags.
-    ``reader`` rewrites the tags for netconvert and leaves out roads that are not for vehicles; the types of road that
-    it needs go into a ``.typ.xml`` file next to the target.
+    A turn restriction is kept if all its nodes and exactly one piece of each of its ways are written. ``pavements``
+    replace the pavements in the tags. ``reader`` rewrites the tags for netconvert and leaves out roads that are not for
+    vehicles; the types of road that it needs go into a ``.typ.xml`` file next to the target.
 
     Returns:
         The ways that were written (parts of a way count once).

@@ -62,7 +62,7 @@ class Pavements:
     mid_block: frozenset[int] = frozenset()
 
     def tags_of(self, way: OsmWay) -> dict[str, str]:
-        """Return a way's tags with its pavements in netconvert's form; other roads are closed to pedestrians.
+        """Return a way's tags with its pavements in netconvert's format; other roads are closed to pedestrians.
 
         Otherwise, netconvert would let pedestrians use the lanes of vehicles.
         """

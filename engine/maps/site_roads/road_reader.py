@@ -123,7 +123,7 @@ class RoadReader:
         return kept
 
     def write_types(self, target: Path) -> None:
-        """Write the types of roads that not every vehicle may use, in netconvert's form; no file if there are none."""
+        """Write the types of roads that not every vehicle may use, in netconvert's format, if there are any."""
         if self._types:
             root = etree.Element("types")
             root.extend(self._types[key] for key in sorted(self._types))

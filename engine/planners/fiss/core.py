@@ -18,7 +18,7 @@ Pitfalls (tested by ``tests/engine/planners/test_fiss_traps.py``):
   Below ``LOW_SPEED_MPS`` the vehicle keeps its offset.
 - Without a hint it finds the nearest point of the whole line, so on a path that crosses itself it could put the ego on
   the wrong lap. Every projection of the ego starts at its last station.
-- It also places an ego that heads against the path, with a negative speed along it.
+- It accepts an ego that heads against the path, and gives it a negative speed along the path. We refuse to plan for it.
 - It accepts a desired speed below 0; its grid of speeds then has one speed, 0.
 - Its refinement (``fiss_plus``) takes the middle of a band as the lane's centre, whatever the band's own centre. Bands
   are therefore symmetrical about their centres.
@@ -97,7 +97,7 @@ at the sides), or only no contact. ``margins`` drops the hard distances, and ``b
 
 
 def vehicle_limits(vehicle: VehicleParameters) -> "fiss_planner.VehicleParams":
-    """Return a vehicle's limits in the core's form."""
+    """Return a vehicle's limits in the core's format."""
     limits = fiss_planner.VehicleParams()
     limits.length, limits.width = vehicle.length_m, vehicle.width_m
     limits.wheelbase, limits.rear_axle_to_center = vehicle.wheelbase_m, vehicle.rear_axle_behind_center_m

@@ -62,7 +62,7 @@ class Bands:
         return not self.right.is_next[index], not self.left.is_next[index]
 
     def corridor(self, right_cost: float, left_cost: float) -> "fiss_planner.Corridor":
-        """Return the bands in the core's form; the core adds each side's cost to candidates that end in its lane."""
+        """Return the bands in the core's format; the core adds each side's cost to candidates that end in its lane."""
         corridor = fiss_planner.Corridor(self.stations_m.tolist())
         for offset, band, cost in ((-1, self.right, right_cost), (0, self.under, 0.0), (1, self.left, left_cost)):
             lane = fiss_planner.LaneBand()

@@ -6,11 +6,12 @@ channel takes a ``ChannelBatch`` and returns costs of shape (n,):
 - ``distance_to_reference_path``: mean offset from the path, divided by 3 m; ``…_final``: at the last step;
 - ``velocity_offset_final``: squared difference from the desired speed at the last step, divided by (5 m/s)²;
 - ``orientation_offset``: mean squared angle to the path, divided by (0.5 rad)²; ``…_final``: at the last step;
-- ``prediction``: inverse squared Mahalanobis distance to each predicted obstacle at its minimum, at most 1 at contact,
-  summed. The distance combines the prediction's uncertainty with the bodies: an ellipse of both half lengths and half
-  widths counts as two standard deviations, so the bodies touch at 2;
-- ``distance_to_boundary``: mean inverse squared distance of the ego's side to the edge of the road, divided by (0.5
-m)², at most 1.
+- ``prediction``: the sum over the predicted obstacles of (2 / d)², at most 1 each. d is the smallest Mahalanobis
+  distance to the obstacle over the steps. It combines the prediction's uncertainty with the bodies: an ellipse whose
+  semi-axes are the sum of the half lengths and that of the half widths counts as two standard deviations, so the bodies
+  touch at d = 2;
+- ``distance_to_boundary``: mean inverse squared distance of the ego's side to the edge of the road, divided by
+  (0.5 m)², at most 1.
 """
 
 from collections.abc import Callable, Mapping

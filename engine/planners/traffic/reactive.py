@@ -263,10 +263,10 @@ class _ReactiveTraffic:
                 grown.add(*_recorded_state(actor.track, index))
 
     def _brake_for_ego(self, ego: EgoState, driven: Mapping[int, Track]) -> None:
-        """Make a vehicle brake if it would hit the ego's rear, as hard as it can if necessary.
+        """Make vehicles brake that would otherwise hit the ego's rear, as hard as they can if necessary.
 
-        SUMO sees the ego by lanes. A follower on a merging lane, or behind an ego that is askew in a junction, would
-        not see it.
+        SUMO's drivers see the ego only on the lanes that it occupies. A follower on a merging lane, or behind an ego
+        that is at an angle in a junction, would not see it.
         """
         hardest_mps2 = self._ego_vehicle.hardest_braking_mps2
         for actor in self._under_way:

@@ -83,7 +83,7 @@ class RoadView(Model):
 
 
 class SceneView(Model):
-    """A scenario in the player's form. ``origin_m``: origin of its coordinates, in those of the scenario.
+    """A scenario in the player's format. ``origin_m``: origin of its coordinates, in those of the scenario.
 
     ``shown_cm``: left, bottom, right and top of the initial view. ``start``: the ego at its start.
     """

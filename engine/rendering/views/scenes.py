@@ -115,7 +115,7 @@ def read_content(source: ScenarioSource) -> _Placed:
 
 
 def scene_view(placed: _Placed, paths: Sequence[DrivenPath] = ()) -> tuple[SceneView, list[str]]:
-    """Return a scenario in the player's form, and notes on what is left out."""
+    """Return a scenario in the player's format, and notes on what is left out."""
     content, origin = placed.content, placed.origin
     viewport = Viewport.of(content, paths, content.ego_step)
     low, high = _cm(np.array([[viewport.x_min, viewport.y_min], [viewport.x_max, viewport.y_max]]) - origin)
