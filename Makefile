@@ -12,7 +12,7 @@ RECORD ?= same-bytes.json
 MUTANTS ?=
 SEED ?= 1
 
-.PHONY: help notebook demo test coverage check lint types layers english bench bench-server bench-selection bench-planners bench-faults bench-reactive \
+.PHONY: help notebook demo test test-benchmarks coverage check lint types layers english bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-manoeuvres bench-edits bench-import-crashes bench-drivable bench-same-bytes \
 	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-osm-tags bench-places bench-analysis bench-tuning bench-failures bench-serve bench-loop bench-database bench-peers \
 	dist requirements bundle starter house chat-page tutorial-page reference docs train-rbfn format clean
@@ -20,6 +20,8 @@ SEED ?= 1
 help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
 	@echo "make test    set everything up and run the tests"
+	@echo "make test-benchmarks"
+	@echo "             run the tests of the benchmarks, which are not in the package (developers)"
 	@echo "make coverage run the tests with coverage; fail below the limit in pyproject.toml (developers)"
 	@echo "make check   lint, types, import directions and English (developers)"
 	@echo "make bench   measure the figures in benchmarks/FIGURES.md; takes long (developers)"
@@ -52,8 +54,12 @@ demo: $(STAMP)
 	@$(VENV)/bin/plannerforge demo
 
 test: $(DEV_STAMP)
-	@echo "==> Running the tests on $(WORKERS) processes"
-	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal
+	@echo "==> Running the tests of the product on $(WORKERS) processes"
+	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal --ignore=tests/benchmarks
+
+test-benchmarks: $(DEV_STAMP)
+	@echo "==> Running the tests of the benchmarks on $(WORKERS) processes"
+	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal tests/benchmarks
 
 $(STAMP): pyproject.toml packaging/requirements.txt scripts/setup.sh
 	@bash scripts/setup.sh $(VENV)

@@ -481,6 +481,15 @@ def test_a_change_is_checked_against_all_that_can_break() -> None:
     assert not any("permissions" in job for job in jobs(CHANGE).values())
 
 
+def test_a_change_is_checked_by_the_tests_of_product_and_benchmarks() -> None:
+    makefile = (CHECKOUT / "Makefile").read_text(encoding="utf-8")
+    left_out = re.findall(r"^test: .*\n(?:\t.*\n)*?\t.* -m pytest .*--ignore=(\S+)$", makefile, re.MULTILINE)
+    apart = re.findall(r"^test-benchmarks: .*\n(?:\t.*\n)*?\t.* -m pytest .* (\S+)$", makefile, re.MULTILINE)
+    assert left_out == apart == ["tests/benchmarks"]
+    run = (CHECKOUT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
+    assert {"make test", "make test-benchmarks"} <= set(run)
+
+
 def test_the_tag_is_checked_against_the_version() -> None:
     step = next(step for step in jobs()["build"]["steps"] if step.get("name") == "The tag is the version")
     name = f"v{__version__}"
