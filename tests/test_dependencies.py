@@ -4,6 +4,7 @@ import ast
 import re
 import sys
 import tomllib
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
@@ -78,9 +79,14 @@ def imported_modules(folders: tuple[str, ...] = LAYERS) -> set[str]:
     return modules - set(sys.stdlib_module_names) - {"plannerforge", "benchmarks"}
 
 
+@cache
+def owners() -> Mapping[str, list[str]]:
+    """The distributions of each importable package; reading the lists of all installed files takes seconds."""
+    return packages_distributions()
+
+
 def imported_distributions(folders: tuple[str, ...] = LAYERS) -> set[str]:
-    owners = packages_distributions()
-    found = {normalised(owners.get(module, [module])[0]) for module in imported_modules(folders)}
+    found = {normalised(owners().get(module, [module])[0]) for module in imported_modules(folders)}
     return {COMES_WITH.get(name, name) for name in found}
 
 

@@ -40,11 +40,11 @@ CALLS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("render", {"ids": ["latest_run"]}),
     ("export_artifacts", {"ids": ["latest_run"], "folder": "out"}),
     ("list_artifacts", {"kind": "config"}),
-    ("find_failures", {"config": "idm", "runs": 8}),
+    ("find_failures", {"scenario_id": "ZAM_Builder-1_1_T-1", "config": "idm", "runs": 8}),
     ("optimize_planner", {"scenarios": ["preset:3"], "base": "idm", "vary": ["time_headway_s"], "max_trials": 5}),
     (
         "explore_boundary",
-        {"scenario": "cut_in", "configs": ["keep_lane"], "points": 40, "references": False, "wait_s": 50},
+        {"scenario": "cut_in", "configs": ["keep_lane"], "points": 30, "references": False, "wait_s": 50},
     ),
     ("cancel_job", {"job_id": "latest"}),
 )
