@@ -115,7 +115,7 @@ def codes(result: Any) -> set[str]:
 async def test_every_misbehaviour_loses_its_own_run_by_name_and_is_tried_again(
     served: Any, files: Path, faults: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    misbehaving = replace(RUN_PLANNER, entry_point="support.planner_faults:run", timeout_s=5.0)
+    misbehaving = replace(RUN_PLANNER, entry_point="support.planner_faults:run", timeout_s=20.0)
     monkeypatch.setattr("plannerforge.workflows.runs.RUN_PLANNER", misbehaving)
     for number, fault in enumerate(FAULTS, 1):
         (faults / scenario_id(number)).write_text(fault)
