@@ -1,7 +1,7 @@
 """The search for failures: its space, proposals, points and failures, and the tool's arguments and result."""
 
 from collections.abc import Iterator, Sequence
-from typing import Final
+from typing import Final, Literal
 
 from pydantic import Field
 
@@ -14,6 +14,8 @@ from .runs import Prediction, Traffic
 from .text import counted
 from .worlds import PERFECT_NAME
 
+SpeedBand = Literal["slow", "middle", "fast", "any"]
+
 
 class SpaceRequest(Model):
     """The base and planner for which a space is derived."""
@@ -22,32 +24,72 @@ class SpaceRequest(Model):
     base_id: str
 
 
+class BaseDrive(Model):
+    """The planner's drive through the unchanged base up to the horizon: x and y in m, heading in rad and speed in m/s
+    at each step, and the ego's size.
+    """
+
+    first_step: int
+    states: tuple[tuple[float, float, float, float], ...]
+    length_m: float
+    width_m: float
+
+
 class SearchSpace(Model):
     """The unchanged base, and the search space that it offers.
 
     ``base``: how the planner fares in the unchanged base. ``strata``: logical scenarios with one counterpart and one
-    manoeuvre each; empty if the base fails. ``recorded``: the base's road users by id.
+    manoeuvre each; empty if the base fails. ``recorded``: the base's road users by id. ``drive``: the planner's drive
+    through the unchanged base.
     """
 
     base: Evaluation
     strata: tuple[LogicalScenario, ...] = ()
     recorded: tuple[int, ...] = ()
+    drive: BaseDrive | None = None
 
 
 class SpacePoint(Model):
-    """A point of a space: a stratum by name, and a share of the range of each of its parameters."""
+    """A point of a space: a stratum by name, and a share of the range of each of its parameters. ``screened``: the
+    planner runs only if it has to react and could.
+    """
 
     stratum: str
     shares: tuple[float, ...]
+    screened: bool = False
+
+
+class FailureCell(Model):
+    """What failures have in common that count as the same: counterpart and manoeuvre, contact, the ego's speed, cause.
+
+    ``speed`` is a band: ``slow`` below 3 m/s, ``middle`` below 10 m/s, ``fast`` above; ``any`` if it is not known.
+    """
+
+    counterpart: str = Field(description="counterpart and manoeuvre")
+    contact: str = Field(description="kind of contact, or how the run ended without one")
+    speed: SpeedBand = Field(description="speed band of the ego")
+    cause: str = Field("", description="cause of the collision; empty if not known")
+
+    @property
+    def key(self) -> str:
+        """A text that is different for each cell."""
+        return " | ".join([self.counterpart, self.contact, self.speed, self.cause or "no cause"])
+
+    def in_words(self) -> str:
+        """Return the cell with its speed and cause named."""
+        contact, cause = self.contact.replace("_", " "), self.cause.replace("_", " ") or "unknown"
+        return f"{self.counterpart}; {contact}; {self.speed} speed; cause {cause}"
 
 
 class PointScore(Model):
     """The score of a point; lower scores are nearer to a failure, and None means that the point is implausible.
-    ``cell``: the cell of a failure.
+    ``cell``: the cell of a failure. ``demand``: 1 if the drive through the unchanged base would collide here although
+    a careful driver would not, 0.5 if such a driver would collide too, 0 if nothing would; None if unknown.
     """
 
     value: float | None
-    cell: str | None = None
+    cell: FailureCell | None = None
+    demand: float | None = None
 
 
 class ProposalsRequest(Model):
@@ -65,12 +107,13 @@ class ProposedPoints(Model):
 
 
 class SpacePointsRequest(Model):
-    """Points to evaluate; ``strata`` must include those of the points; ``recorded``: the base's road users by id."""
+    """Points to evaluate; ``strata`` must include those of the points. ``recorded``, ``drive``: those of the space."""
 
     setting: EncounterSetting
     strata: tuple[LogicalScenario, ...]
     points: tuple[SpacePoint, ...]
     recorded: tuple[int, ...] = ()
+    drive: BaseDrive | None = None
 
 
 class EvaluatedPoint(Model):
@@ -164,7 +207,7 @@ class FoundFailure(Model):
 
     scenario_id: str
     run_id: str
-    cell: str = Field(description="counterpart and manoeuvre, contact, the ego's speed band, cause")
+    cell: FailureCell = Field(description="counterpart and manoeuvre, contact, the ego's speed band, cause")
     change: str = Field(description="the change of the base in words")
     values: dict[str, float] = Field(description="the parameters of the change")
     edits: tuple[Edit, ...] = Field(description="the edits of the base")
@@ -239,20 +282,11 @@ def _lines(failure: FoundFailure) -> Iterator[str]:
         else f" Reduced to {shrunk.scenario_id}: {shrunk.road_users_before} → {shrunk.road_users} road users"
         f"{f'; the failure needs {_listed(shrunk.needed)}' if shrunk.needed else ''}."
     )
-    yield f"  {failure.reason}; {drivers} would not fail ({_cell_in_words(failure.cell)}).{reduced}"
+    yield f"  {failure.reason}; {drivers} would not fail ({failure.cell.in_words()}).{reduced}"
 
 
 CAREFUL_WORDS: Final[dict[str, str]] = dict(zip(CAREFUL_DRIVERS, ("careful", "fuzzy"), strict=True))
 """The careful drivers of UN regulation R157 as answers call them."""
-
-
-def _cell_in_words(cell: str) -> str:
-    """Return a cell with its counterpart and manoeuvre, contact, speed and cause named."""
-    parts = cell.replace("_", " ").split(" | ")
-    if len(parts) != 4:
-        return cell
-    speed = parts[2] if "speed" in parts[2] or "m/s" in parts[2] else f"{parts[2]} speed"
-    return f"{parts[0]}; {parts[1]}; {speed}; cause {parts[3]}"
 
 
 def _listed(words: Sequence[str]) -> str:

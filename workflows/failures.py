@@ -13,17 +13,17 @@ import anyio
 
 from ..engine.execution import JobProgress
 from ..engine.planners import check_modes, check_world
-from ..engine.workspace import Recipe, versions_of, write_text
+from ..engine.workspace import Recipe, append_text, versions_of, write_text
 from ..schemas.base import Model
 from ..schemas.errors import NotPossible
 from ..schemas.exploration import EncounterSetting
 from ..schemas.failures import (
     EvaluatedPoint,
+    FailureCell,
     FailureSearchRecord,
     FindFailuresArguments,
     FindFailuresResult,
     FoundFailure,
-    PointScore,
     ProposalsRequest,
     SearchSpace,
     ShrinkRequest,
@@ -46,13 +46,16 @@ from .scenarios import one_scenario
 _TOOL = "find_failures"
 _OPENING = 0.1
 """The share of a search's progress that the derivation of its space gets."""
+_SEARCH = 2
+"""The version of the search: another version proposes other points, so it cannot go on from stored ones."""
 _MOST_TRIED = 6
 """A search ends after this many proposals per run, if most are implausible (chosen)."""
 
 
 class _Batch(Model):
-    """A batch of a search: one line of the file of evaluated points."""
+    """A batch of a search, numbered from 0: one line of the file of evaluated points."""
 
+    number: int
     points: tuple[EvaluatedPoint, ...]
 
 
@@ -61,7 +64,8 @@ class _Search:
     """A search in progress.
 
     ``digest`` identifies everything that determines its points, but not its budget. ``stored``: the runs of the
-    failures stored so far, by id.
+    failures stored so far, by id. ``is_whole``: the file of evaluated points is undamaged, so that batches can be
+    appended.
     """
 
     arguments: FindFailuresArguments
@@ -73,6 +77,7 @@ class _Search:
     space: SearchSpace | None = None
     batches: list[_Batch] = field(default_factory=list)
     stored: dict[str, tuple[Cell, CellResult]] = field(default_factory=dict)
+    is_whole: bool = False
 
     @property
     def points(self) -> list[EvaluatedPoint]:
@@ -89,9 +94,9 @@ class _Search:
         """The file of evaluated points: a line with the search space, then a line for each batch."""
         return self.context.workspace.root / EXPLORED_FOLDER / f"{self.digest}.jsonl"
 
-    def cells(self, points: Sequence[EvaluatedPoint]) -> dict[str, list[EvaluatedPoint]]:
+    def cells(self, points: Sequence[EvaluatedPoint]) -> dict[FailureCell, list[EvaluatedPoint]]:
         """Return the failures among points by cell, in the order in which they were found."""
-        cells: dict[str, list[EvaluatedPoint]] = {}
+        cells: dict[FailureCell, list[EvaluatedPoint]] = {}
         for point in points:
             if point.score.cell is not None:
                 cells.setdefault(point.score.cell, []).append(point)
@@ -116,20 +121,33 @@ class _Search:
         return self.runs >= self.arguments.runs or len(self.points) >= _MOST_TRIED * self.arguments.runs
 
     def resume(self) -> None:
-        """Read the points that an earlier search stored, up to a damaged line: later points depend on earlier ones."""
-        lines = self.path.read_bytes().splitlines() if self.path.is_file() else []
+        """Read the points that an earlier search stored, up to a damaged line: later points depend on earlier ones.
+
+        Two searches that ran at once may both have appended the same batch; the second one is passed over.
+        """
+        stored = self.path.read_bytes() if self.path.is_file() else b""
+        lines = stored.splitlines(keepends=True)
         with suppress(ValueError):
             for number, line in enumerate(lines):
                 if number == 0:
                     self.space = SearchSpace.model_validate_json(line)
-                else:
-                    self.batches.append(_Batch.model_validate_json(line))
+                    continue
+                batch = _Batch.model_validate_json(line)
+                if batch.number > len(self.batches):
+                    return
+                if batch.number == len(self.batches):
+                    self.batches.append(batch)
+            self.is_whole = stored.endswith(b"\n")
 
     def keep(self) -> None:
-        """Store the points evaluated so far, replacing the whole file."""
+        """Store the last batch; write the file anew if it is missing or damaged."""
         if self.space is None:
             return
+        if self.is_whole and self.batches:
+            append_text(self.path, f"{self.batches[-1].model_dump_json()}\n", "the search")
+            return
         _write(self.path, (self.space, *self.batches), self.context)
+        self.is_whole = True
 
     async def open(self, progress: JobProgress) -> SearchSpace:
         """Return the search space, from an earlier search or derived now.
@@ -175,7 +193,7 @@ class _Search:
     async def evaluate_batch(self, space: SearchSpace) -> None:
         """Propose one batch, and evaluate it on all workers."""
         sizes = tuple((stratum.name, len(stratum.parameters)) for stratum in space.strata)
-        scores = tuple(PointScore(value=one.score.value, cell=one.score.cell) for one in self.points)
+        scores = tuple(one.score for one in self.points)
         proposed = await self.context.run(
             PROPOSE_POINTS, ProposalsRequest(strata=sizes, seed=self.arguments.seed, scores=scores)
         )
@@ -187,7 +205,7 @@ class _Search:
             named = {point.stratum for point in parts[number]}
             strata = tuple(stratum for stratum in space.strata if stratum.name in named)
             request = SpacePointsRequest(
-                setting=self.setting, strata=strata, points=parts[number], recorded=space.recorded
+                setting=self.setting, strata=strata, points=parts[number], recorded=space.recorded, drive=space.drive
             )
             done[number] = (await self.context.services.workers.run(EVALUATE_IN_SPACE, request)).points
 
@@ -195,11 +213,11 @@ class _Search:
             for number in range(workers):
                 tasks.start_soon(evaluate, number)
         points = (done[index % workers][index // workers] for index in range(len(proposed.points)))
-        self.batches.append(_Batch(points=tuple(points)))
+        self.batches.append(_Batch(number=len(self.batches), points=tuple(points)))
 
     async def _record(self, space: SearchSpace, progress: JobProgress) -> FailureSearchRecord:
         points = self.within_budget
-        numbers: dict[str, int] = {}
+        numbers: dict[FailureCell, int] = {}
         used = 0
         for point in points:
             used += point.score.value is not None
@@ -223,7 +241,9 @@ class _Search:
             batch_id=self.together(failures),
         )
 
-    async def _stored(self, space: SearchSpace, cell: str, hits: Sequence[EvaluatedPoint], number: int) -> FoundFailure:
+    async def _stored(
+        self, space: SearchSpace, cell: FailureCell, hits: Sequence[EvaluatedPoint], number: int
+    ) -> FoundFailure:
         """Store the clearest failure of a cell as a scenario with its run."""
         best = min(hits, key=lambda hit: hit.score.value or 0.0)
         stratum = next(one for one in space.strata if one.name == best.point.stratum)
@@ -353,6 +373,7 @@ def _recipe(
         tool=_TOOL,
         arguments={
             "scenario": scenario_id,
+            "search": _SEARCH,
             "problem": problem,
             "config": configuration.config_id,
             "runs": arguments.runs,
@@ -403,10 +424,10 @@ async def find_failures(arguments: FindFailuresArguments, context: WorkflowConte
                 message=job.error or job.message,
                 next_step=f"get_job with job_id '{job.job_id}', then repeat find_failures: evaluated runs are kept",
             )
-    for failure in record.failures:
+    for failure in reversed(record.failures):  # an answer links what was made last
         context.made("scenario", failure.scenario_id)
         context.made("run", failure.run_id)
-    if record.batch_id is not None:
+    if record.batch_id is not None:  # it lists all failures, of which an answer links only some
         context.made("batch", record.batch_id)
     following = (
         f"render ids=['{record.failures[0].run_id}'], or export_artifacts with ids ['{record.batch_id}'] and formats "

@@ -64,7 +64,7 @@ class Base:
     @cached_property
     def evaluator(self) -> Evaluator:
         """The evaluator, in which the healthy planner or one with a weakness drives."""
-        return self._stack.enter_context(Evaluator(self.setting, self._drives))
+        return self._stack.enter_context(Evaluator(self.setting, self._drives, self.space.drive))
 
     def _drives(self, healthy: Planner) -> Planner:
         if self._driving:
@@ -89,7 +89,7 @@ class Base:
             return self.known["", bare]
         if (weakness, bare) not in self.known:
             stratum = next(one for one in self.space.strata if one.name == bare.stratum)
-            asked = SpacePoint(stratum=bare.stratum, shares=bare.values)
+            asked = SpacePoint(stratum=bare.stratum, shares=bare.values, screened=point.way == "demand")
             self._driving, self._watch = weakness, None
             self.known[weakness, bare] = evaluated(self.evaluator, stratum, asked, self.space.recorded)
             if not weakness:
@@ -159,7 +159,8 @@ class Case:
         found = self.evaluated(point)
         seconds = found.evaluation.least_time_to_collision_s
         second = 1.0 if seconds is None else min(seconds, _SAFE_TTC_S) / _SAFE_TTC_S
-        return Judged(Score(found.score.value, found.score.cell), second)
+        cell = found.score.cell
+        return Judged(Score(found.score.value, None if cell is None else cell.key, found.score.demand), second)
 
     def is_planted(self, point: Point) -> bool:
         """Return True if the healthy planner does not fail at a point at which the weak one does."""

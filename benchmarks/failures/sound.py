@@ -50,7 +50,7 @@ def measure(bench: FailuresBench) -> Figures:
         firsts: dict[str, EvaluatedPoint] = {}
         for point in case.seen:
             if point.score.cell is not None:
-                firsts.setdefault(point.score.cell, point)
+                firsts.setdefault(point.score.cell.key, point)
         for cell, point in firsts.items():
             reproduced.append(_reproduced(case, point))
             problem = _problem(case, point)

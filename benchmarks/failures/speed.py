@@ -65,7 +65,11 @@ def _evaluations(path: Path, planner: str, runs: int) -> tuple[Spent, int]:
         points = propose_points(ProposalsRequest(strata=sizes, seed=0, scores=scores), silent).points
         for begin in range(0, len(points), _BATCH):
             request = SpacePointsRequest(
-                setting=setting, strata=space.strata, points=points[begin : begin + _BATCH], recorded=space.recorded
+                setting=setting,
+                strata=space.strata,
+                points=points[begin : begin + _BATCH],
+                recorded=space.recorded,
+                drive=space.drive,
             )
             begun = Spent.now()
             done = evaluate_in_space(request, silent).points

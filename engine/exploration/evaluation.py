@@ -12,13 +12,14 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...schemas.errors import InvalidRequest
 from ...schemas.exploration import AvoidingDriver, EncounterSetting, Evaluation
+from ...schemas.failures import BaseDrive
 from ...schemas.modification import Edit, EditOperation, ModificationRequest
 from ...schemas.reviews import CAREFUL_DRIVERS, Contact
 from ...schemas.runs import RunRecord
@@ -27,7 +28,7 @@ from ..commonroad import LoadedScenario, Track, kept_recording, static_tracks
 from ..criticality import Encounters, encounters, gaps_m, times_to_collision_s
 from ..edits import EditableScenario, NeedsFile, apply_edits
 from ..execution import silent
-from ..geometry import Values
+from ..geometry import Points, Values
 from ..planners import (
     DrivenRun,
     EgoState,
@@ -61,6 +62,9 @@ _INTO_EGO = ("rear_end_by_other", "onto_standing_ego")
 prescribed road users do not brake.
 """
 _RECORDED = "recorded"
+_NO_DEMAND = "the planner was not run: its drive through the unchanged base would not collide avoidably"
+HOPELESS: Final = 0.5
+"""The demand of a point at which no careful driver would avoid the collision of the drive through the base."""
 _WITH_NEARNESS = ("safe", "failed_unavoidably")
 """Outcomes that a search scores by how near other road users came."""
 
@@ -110,11 +114,13 @@ class DrivenPoint:
     """How the planner fares at a point, with its run; None if there was no run.
 
     ``nearness``: of a run without a failure, or with an unavoidable one, in which other road users came near.
+    ``demand``: whether the planner has to react and could, as in ``PointScore``.
     """
 
     evaluation: Evaluation
     run: DrivenRun | None = None
     nearness: Nearness | None = None
+    demand: float | None = None
 
 
 class Evaluator:
@@ -124,16 +130,22 @@ class Evaluator:
         setting: the data that all points share.
         drives: receives the configuration's planner and returns the planner to run instead; by default, the
             configuration's planner runs.
+        drive: the planner's drive through the unchanged base. With it, points say whether the planner has to react.
 
     Raises:
         InvalidRequest: the prediction does not fit the traffic or the world, or the planner does not fit the world.
         UnknownName: there is no such planner.
     """
 
-    def __init__(self, setting: EncounterSetting, drives: Callable[[Planner], Planner] | None = None) -> None:
+    def __init__(
+        self,
+        setting: EncounterSetting,
+        drives: Callable[[Planner], Planner] | None = None,
+        drive: BaseDrive | None = None,
+    ) -> None:
         check_modes(setting.traffic, setting.prediction, setting.world)
         check_world(setting.configuration.planner, setting.world)
-        self._setting, self._drives = setting, drives
+        self._setting, self._drives, self._drive = setting, drives, drive
         self._reads_file = needs_file(setting.configuration.planner)
 
     def __enter__(self) -> "Evaluator":
@@ -158,8 +170,10 @@ class Evaluator:
         """
         return self.driven(edits).evaluation
 
-    def driven(self, edits: Sequence[Edit]) -> DrivenPoint:
+    def driven(self, edits: Sequence[Edit], *, screens: bool = False) -> DrivenPoint:
         """Return the same evaluation as ``evaluate``, together with the run.
+
+        ``screens``: run the planner only if it has to react and could, as far as this is known before the run.
 
         Raises:
             PlannerFailure: a user-supplied planner broke its contract.
@@ -168,7 +182,7 @@ class Evaluator:
         point = self._point(edits)
         if isinstance(point, str):
             return DrivenPoint(Evaluation(outcome="implausible", reason=point, end="not_run"))
-        return self._run(point)
+        return self._run(point, screens=screens)
 
     def edited(self, edits: Sequence[Edit]) -> LoadedScenario | None:
         """Return the base after edits, or None if they are implausible; nothing is run."""
@@ -217,7 +231,7 @@ class Evaluator:
         done = ((report.op, report.vehicles) for report in outcome.edits)
         return _Point(kept_recording(path, keep=False).loaded, _manoeuvres(done), infeasible, path)
 
-    def _run(self, point: _Point) -> DrivenPoint:
+    def _run(self, point: _Point, *, screens: bool) -> DrivenPoint:
         setting, loaded = self._setting, point.loaded
         problem = loaded.problem(setting.problem_id)
         vehicle = vehicle_of(setting.configuration.settings, loaded.ego_class(int(problem.planning_problem_id)))
@@ -228,6 +242,13 @@ class Evaluator:
             ended_after(make_planner(setting.configuration.planner, file)) as own,
             open_traffic(setting.traffic, loaded, problem, vehicle, setting.seed) as traffic,
         ):
+            # Traffic that reacts has no motion before the run.
+            demand = None
+            if self._drive is not None and setting.traffic == "recorded":
+                lane = lane_line(loaded.scenario, problem, vehicle)
+                demand = _demand(self._drive, traffic.moving, traffic.standing, loaded, lane)
+                if screens and demand < 1.0:
+                    return DrivenPoint(Evaluation(outcome="safe", reason=_NO_DEMAND, end="not_run"), demand=demand)
             run = simulate(
                 loaded.scenario,
                 problem,
@@ -244,7 +265,8 @@ class Evaluator:
             )
         judged = _Judged(setting, point, problem, vehicle, run)
         evaluation = judged.evaluation(ending)
-        return DrivenPoint(evaluation, run, judged.nearness if evaluation.outcome in _WITH_NEARNESS else None)
+        near = judged.nearness if evaluation.outcome in _WITH_NEARNESS else None
+        return DrivenPoint(evaluation, run, near, demand)
 
 
 def _manoeuvres(done: Iterable[tuple[EditOperation, Sequence[int]]]) -> dict[int, str]:
@@ -454,6 +476,36 @@ class _Judged:
             friction=self.vehicle.friction,
             uses_prediction=uses_prediction(setting.configuration.planner),
         )
+
+
+def _demand(
+    drive: BaseDrive, moving: Sequence[Track], standing: Sequence[Track], loaded: LoadedScenario, lane: Points | None
+) -> float:
+    """Return 0 if a drive hits no road user, 0.5 if it does and no careful driver would avoid that, otherwise 1."""
+    ego, others = _track(drive), [*moving, *standing]
+    met = encounters(ego, moving, standing)
+    touching = np.flatnonzero(gaps_m(met) <= 0.0) if len(met.state) else np.zeros(0, dtype=int)
+    if not len(touching):
+        return 0.0
+    hit = others[int(met.track[touching[int(np.argmin(met.state[touching]))]])].obstacle_id
+    known = {track.obstacle_id: track for track in moving} | static_tracks(loaded.scenario, ego.last_step)
+    first = known.pop(hit)
+    drivers = drivers_that_avoid(ego, (first, *known.values()), lane, loaded.step_s, loaded.friction)
+    return 1.0 if drivers else HOPELESS
+
+
+def _track(drive: BaseDrive) -> Track:
+    states = np.array(drive.states)
+    return Track(
+        obstacle_id=-1,
+        kind="car",
+        length_m=drive.length_m,
+        width_m=drive.width_m,
+        first_step=drive.first_step,
+        positions=states[:, :2],
+        headings_rad=states[:, 2],
+        speeds_mps=states[:, 3],
+    )
 
 
 _STOPPED = {

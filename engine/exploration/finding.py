@@ -14,8 +14,10 @@ import numpy as np
 from ...schemas.errors import InvalidRequest
 from ...schemas.exploration import Evaluation, LogicalScenario
 from ...schemas.failures import (
+    BaseDrive,
     EvaluatedPoint,
     EvaluatedPoints,
+    FailureCell,
     PointScore,
     ProposalsRequest,
     ProposedPoints,
@@ -25,15 +27,16 @@ from ...schemas.failures import (
     SpacePoint,
     SpacePointsRequest,
     SpaceRequest,
+    SpeedBand,
 )
 from ...schemas.modification import Edit
 from ..execution import ProgressReporter
 from ..planners import DrivenRun, lane_line
 from ..scene import Scene
-from ..vehicles import vehicle_of
+from ..vehicles import VehicleParameters, vehicle_of
 from .concrete import concrete_edits
-from .evaluation import DrivenPoint, Evaluator, Nearness
-from .search import FailureSearch, Score, Stratum
+from .evaluation import HOPELESS, DrivenPoint, Evaluator, Nearness
+from .search import FailureSearch, Point, Score, Stratum
 from .shrinking import Trials, minimal_subset, nearest_values, smallest
 from .spaces import NominalMotion, SpaceBuilder, is_feasible, values_at
 
@@ -78,7 +81,17 @@ def open_space(request: SpaceRequest, report: ProgressReporter) -> SearchSpace:
                 feasible.append(stratum)
             report((number + 1) / len(strata), f"checked whether this is possible: {stratum.summary}")
     recorded = tuple(sorted({*loaded.tracks, *scene.standing}))
-    return SearchSpace(base=base, strata=tuple(feasible), recorded=recorded)
+    return SearchSpace(base=base, strata=tuple(feasible), recorded=recorded, drive=_drive(nominal, vehicle))
+
+
+def _drive(nominal: NominalMotion, vehicle: VehicleParameters) -> BaseDrive:
+    states = np.column_stack([nominal.positions, nominal.headings_rad, nominal.speeds_mps]).round(4).tolist()
+    return BaseDrive(
+        first_step=nominal.first_step,
+        states=tuple((x, y, heading, speed) for x, y, heading, speed in states),
+        length_m=vehicle.length_m,
+        width_m=vehicle.width_m,
+    )
 
 
 def _nominal(run: DrivenRun, step_s: float) -> NominalMotion:
@@ -96,16 +109,22 @@ def propose_points(request: ProposalsRequest, report: ProgressReporter) -> Propo
     """Return the next points of a search after the given scores, which are those of whole batches."""
     report(0.0, "choosing the next points")
     strata = [Stratum(name, dimensions) for name, dimensions in request.strata]
-    scores = [Score(score.value, score.cell) for score in request.scores]
+    scores = [
+        Score(score.value, None if score.cell is None else score.cell.key, score.demand) for score in request.scores
+    ]
     points = FailureSearch(strata, request.seed).resumed(scores).ask()
-    return ProposedPoints(points=tuple(SpacePoint(stratum=one.stratum, shares=one.values) for one in points))
+    return ProposedPoints(points=tuple(_asked(one) for one in points))
+
+
+def _asked(point: Point) -> SpacePoint:
+    return SpacePoint(stratum=point.stratum, shares=point.values, screened=point.way == "demand")
 
 
 def evaluate_in_space(request: SpacePointsRequest, report: ProgressReporter) -> EvaluatedPoints:
     """Return how the planner fares at points."""
     strata = {stratum.name: stratum for stratum in request.strata}
     done = []
-    with Evaluator(request.setting) as evaluator:
+    with Evaluator(request.setting, drive=request.drive) as evaluator:
         for number, point in enumerate(request.points):
             done.append(evaluated(evaluator, strata[point.stratum], point, request.recorded))
             report((number + 1) / len(request.points), strata[point.stratum].summary)
@@ -121,8 +140,9 @@ def evaluated(
     except InvalidRequest as refusal:
         refused = Evaluation(outcome="implausible", reason=refusal.message, end="not_run")
         return EvaluatedPoint(point=point, evaluation=refused, score=PointScore(value=None))
-    driven = evaluator.driven(edits)
+    driven = evaluator.driven(edits, screens=point.screened)
     score = scored(stratum, driven, recorded)
+    score = score.model_copy(update={"demand": driven.demand})
     return EvaluatedPoint(point=point, edits=edits, evaluation=driven.evaluation, score=score)
 
 
@@ -135,7 +155,7 @@ def scored(stratum: LogicalScenario, driven: DrivenPoint, recorded: Sequence[int
         speed = evaluation.ego_speed_mps or 0.0
         return PointScore(value=round(-1.0 - speed / _FASTEST_MPS, 4), cell=cell_of(stratum, evaluation, recorded))
     margin = round(_margin(driven.nearness, lambda key: _is_own(stratum, key, recorded)), 4)
-    if evaluation.outcome == "failed_unavoidably":
+    if evaluation.outcome == "failed_unavoidably" or driven.demand == HOPELESS:
         return PointScore(value=max(margin, UNAVOIDABLE))
     return PointScore(value=margin)
 
@@ -160,7 +180,7 @@ def named_vehicles_of(stratum: LogicalScenario) -> frozenset[int]:
     return frozenset(int(word) for word in words if str(word).isdigit())
 
 
-def cell_of(stratum: LogicalScenario, evaluation: Evaluation, recorded: Sequence[int]) -> str:
+def cell_of(stratum: LogicalScenario, evaluation: Evaluation, recorded: Sequence[int]) -> FailureCell:
     """Return the cell of a failure: counterpart and manoeuvre, contact, speed band and cause."""
     key = evaluation.counterpart_id
     if key is None:
@@ -169,14 +189,18 @@ def cell_of(stratum: LogicalScenario, evaluation: Evaluation, recorded: Sequence
         who = stratum.name
     else:
         who = f"{evaluation.counterpart_class} {key} as recorded"
-    contact = evaluation.contact or evaluation.run_outcome or "failure"
-    return " | ".join([who, contact, speed_band(evaluation.ego_speed_mps), evaluation.cause or "no cause"])
+    return FailureCell(
+        counterpart=who,
+        contact=evaluation.contact or evaluation.run_outcome or "failure",
+        speed=speed_band(evaluation.ego_speed_mps),
+        cause=evaluation.cause or "",
+    )
 
 
-def speed_band(speed_mps: float | None) -> str:
+def speed_band(speed_mps: float | None) -> SpeedBand:
     """Return the band of the ego's speed at a failure."""
     if speed_mps is None:
-        return "any speed"
+        return "any"
     return "slow" if speed_mps < SLOW_MPS else "middle" if speed_mps < FAST_MPS else "fast"
 
 

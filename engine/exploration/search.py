@@ -5,19 +5,23 @@ The space is divided into *strata*, each with parameters of its own in [0, 1]. T
 receives in the order of the proposals. An interrupted search therefore continues by telling the stored scores again
 (``resumed``), and several workers may evaluate a batch.
 
-There are three ways to propose a point:
+There are four ways to propose a point:
 
 * ``start``: the next point of a scrambled Sobol sequence, in the stratum with the fewest points;
+* ``demand``: a point at which the planner has to react and could, far from the known points: its drive through the
+  unchanged base would collide there, and a careful driver would not. A planner that overlooks a rare counterpart shows
+  nothing before it fails, so that no score leads there; these points have to be covered evenly;
 * ``descend``: from the best point of a promising stratum towards a lower score;
 * ``spread``: from a known failure to a different one next to it.
 
-The last two consult a model of the stratum, a Gaussian process (Rasmussen and Williams, 2006, chapter 2) with a Matérn
-5/2 kernel. ``descend`` takes the candidate with the lowest confidence bound (Srinivas and others, ICML 2010), and
+The last three consult a model of the stratum, a Gaussian process (Rasmussen and Williams, 2006, chapter 2) with a
+Matérn 5/2 kernel. ``descend`` takes the candidate with the lowest confidence bound (Srinivas and others, 2010), and
 ``spread`` the one with the largest product of its probability to fail and its distance from known failures. Both leave
-a cell after enough hits (``HITS_TO_LEAVE``). A stratum has few parameters and a search has few evaluations, so a model
-is better here than an evolution strategy: ``python -m benchmarks.failures.landscapes`` measures it.
+a cell after enough hits (``HITS_TO_LEAVE``). ``demand`` takes the largest product of the probability that the planner
+has to react and the distance from all known points. A stratum has few parameters and a search has few evaluations, so a
+model is better here than an evolution strategy: ``python -m benchmarks.failures.landscapes`` measures it.
 
-After the start in every stratum, one of the three ways is drawn; its probability grows with the number of cells that it
+After the start in every stratum, one of the ways is drawn; its probability grows with the number of cells that it
 found recently.
 """
 
@@ -32,7 +36,7 @@ from scipy.stats import qmc
 from ..geometry import Values
 from .archive import Archive, Hit
 
-Way = Literal["start", "descend", "spread"]
+Way = Literal["start", "demand", "descend", "spread"]
 BATCH: Final = 4
 """Points of a batch (chosen): a larger batch keeps more workers busy, but its points know less of each other. On the
 landscapes of the benchmark, 8 find as many cells as 4, but fewer of the rare failures (70 instead of 85 %)."""
@@ -40,6 +44,8 @@ _STARTS: Final = 3
 """Points in every stratum before the other ways are used (chosen on landscapes: 2 miss more of the rare failures)."""
 _IMPLAUSIBLE_SHARE: Final = 1.0 / 3.0
 """An implausible point counts as this share of a point of its stratum: it costs no run (chosen)."""
+_IDLE_SHARE: Final = 0.25
+"""A point at which the planner need not react counts as this share of one at which it has to (chosen)."""
 _LEAST_SHARE: Final = 0.1
 """The least share of the proposals of each way (chosen)."""
 _FORGETTING: Final = 0.05
@@ -55,6 +61,10 @@ _STEPS: Final = ((100, 0.15), (50, 0.05))
 _UNIFORM: Final = 100
 _SPREADS: Final = ((60, 0.08), (60, 0.16), (60, 0.32))
 """Candidates of ``spread``: how many, and their standard deviation around a known failure."""
+_DEMANDS: Final = 0.75
+"""A larger demand means that the planner has to react and could."""
+_DEMANDING: Final = 200
+"""Candidates of ``demand``, all uniform."""
 _FAR: Final = 0.4
 """A larger distance from the known failures counts as this one."""
 _FAILED, _LEFT = -0.1, 0.5
@@ -92,23 +102,31 @@ class Point:
 @dataclass(frozen=True)
 class Score:
     """The score of a point; lower scores are nearer to a failure. ``value``: 0 at the edge of failing, 1 if nothing
-    comes near; None if the point is implausible, which costs no run. ``cell``: the cell of the failure, if it is a
-    failure of the kind that the search looks for; otherwise None.
+    comes near; None if the planner was not run, which costs no run: the point is implausible, or, if its demand is
+    known, the planner need not react there. ``cell``: the cell of the failure, if it is a
+    failure of the kind that the search looks for; otherwise None. ``demand``: 1 if the planner has to react there
+    and could, 0.5 if it could not, 0 if it need not; None if unknown.
     """
 
     value: float | None
     cell: str | None = None
+    demand: float | None = None
 
 
 @dataclass
 class _Known:
-    """The search's knowledge of a stratum: its plausible points, its implausible points, and its Sobol sequence."""
+    """The search's knowledge of a stratum: its plausible points, its implausible points, and its Sobol sequence.
+
+    ``idle``: points that were not run because the planner need not react there. ``demands``: known demands by point.
+    """
 
     stratum: Stratum
     sequence: qmc.Sobol
     points: list[Values] = field(default_factory=list)
     scores: list[Score] = field(default_factory=list)
     implausible: list[Values] = field(default_factory=list)
+    idle: list[Values] = field(default_factory=list)
+    demands: list[tuple[Values, float]] = field(default_factory=list)
     pending: list[Values] = field(default_factory=list)
     stagnant: int = 0
 
@@ -116,6 +134,13 @@ class _Known:
     def weight(self) -> float:
         """The number of points that count as examined in the stratum."""
         return len(self.points) + len(self.pending) + _IMPLAUSIBLE_SHARE * len(self.implausible)
+
+    @property
+    def demanding(self) -> float:
+        """The number of points that count as examined where the planner has to react."""
+        reacts = sum(demand > _DEMANDS for _, demand in self.demands)
+        others = len(self.points) + len(self.idle) + len(self.implausible) - reacts
+        return reacts + len(self.pending) + _IDLE_SHARE * others
 
     @property
     def best(self) -> int | None:
@@ -143,7 +168,7 @@ class FailureSearch:
             )
             for index, stratum in enumerate(strata)
         }
-        self._success: dict[Way, float] = {"start": 1.0, "descend": 1.0, "spread": 1.0}
+        self._success: dict[Way, float] = {"start": 1.0, "demand": 1.0, "descend": 1.0, "spread": 1.0}
         self._varied: dict[str, int] = {}
         self._asked: list[tuple[Point, float]] = []
 
@@ -177,8 +202,10 @@ class FailureSearch:
     def _learn(self, point: Point, parent: float, score: Score) -> None:
         known, number = self._known[point.stratum], self.evaluated
         self.evaluated += 1
+        if score.demand is not None:
+            known.demands.append((np.array(point.values), score.demand))
         if score.value is None:
-            known.implausible.append(np.array(point.values))
+            (known.implausible if score.demand is None else known.idle).append(np.array(point.values))
             return
         self.runs += 1
         known.points.append(np.array(point.values))
@@ -194,7 +221,8 @@ class FailureSearch:
 
     def _proposal(self) -> tuple[Point, float]:
         """Return a point, and the score of the point from which it was derived."""
-        least = min(self._known.values(), key=lambda known: known.weight)
+        # Each stratum gets its first points; afterwards, one with more parameters gets more.
+        least = min(self._known.values(), key=lambda one: (one.weight >= _STARTS, one.weight / one.stratum.dimensions))
         way = self._way() if least.weight >= _STARTS else "start"
         if way == "descend":
             found = self._descent()
@@ -202,11 +230,17 @@ class FailureSearch:
                 return found
         elif way == "spread":
             return self._variation(), 0.0
+        elif way == "demand":
+            return self._reaction(), _LARGEST
         values = least.sequence.random(1)[0]
         return _point(least.stratum, values, "start"), _LARGEST
 
     def _way(self) -> Way:
-        ways: tuple[Way, ...] = ("start", "descend", "spread") if len(self.archive) else ("start", "descend")
+        ways: list[Way] = ["start", "descend"]
+        if len(self.archive):
+            ways.append("spread")
+        if any(known.demands for known in self._known.values()):
+            ways.append("demand")
         total = sum(self._success[way] for way in ways)
         rest = 1.0 - _LEAST_SHARE * len(ways)
         chances = [_LEAST_SHARE + rest * self._success[way] / total for way in ways]
@@ -225,6 +259,23 @@ class FailureSearch:
         mean, deviation, scale = self._model(known, candidates)
         bound = mean - deviation + _BAD_PENALTY * scale * _next_to_implausible(known, candidates)
         return _point(known.stratum, candidates[int(np.argmin(bound))], "descend"), _value(known.scores[best])
+
+    def _reaction(self) -> Point:
+        """Return a point at which the planner has to react, in the stratum with the fewest such points for its number
+        of parameters.
+        """
+        from scipy.special import ndtr
+
+        open_strata = [one for one in self._known.values() if one.demands]
+        known = min(open_strata, key=lambda one: one.demanding / one.stratum.dimensions)
+        candidates = self._random.random((_DEMANDING, known.stratum.dimensions))
+        points = np.array([point for point, _ in known.demands])
+        values = np.array([demand for _, demand in known.demands])
+        center, scale = float(values.mean()), float(values.std()) + 1e-6
+        mean, deviation = _gaussian_process(points, (values - center) / scale, candidates)
+        reacts = ndtr((mean - (_DEMANDS - center) / scale) / deviation)
+        away = _distances(candidates, np.array([*known.points, *known.pending, *known.idle])).min(axis=1)
+        return _point(known.stratum, candidates[int(np.argmax(reacts * away))], "demand")
 
     def _variation(self) -> Point:
         """Return a point next to a failure in the least varied cell, and away from known failures."""

@@ -124,7 +124,7 @@ def test_the_score_tells_failures_from_near_and_far_misses_and_from_the_implausi
     assert hit.score.value is not None
     assert hit.score.value < -1.0
     assert hit.score.cell is not None
-    assert hit.score.cell.startswith("cyclist crosses from the left | ")
+    assert hit.score.cell.counterpart == "cyclist crosses from the left"
     assert early.evaluation.outcome == "safe"
     assert early.score.cell is None
     assert 0.0 <= (early.score.value or 0.0) <= 1.0
