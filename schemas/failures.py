@@ -84,7 +84,7 @@ class FailureCell(Model):
 class PointScore(Model):
     """The score of a point; lower scores are nearer to a failure, and None means that the point is implausible.
     ``cell``: the cell of a failure. ``demand``: 1 if the drive through the unchanged base would collide here although
-    a careful driver would not, 0.5 if such a driver would collide too, 0 if nothing would; None if unknown.
+    a careful driver would not, 0.5 if a careful driver would collide too, 0 if it would not; None if unknown.
     """
 
     value: float | None

@@ -11,7 +11,7 @@ Keys:
 - ``planted_rare``: the same within 300 runs, for weaknesses that at most .2 % of random runs hit;
   ``planted_rare_weaknesses``. ``planted_rare_rates``: the share of random runs that hit each, in percent, with its 95 %
   interval. A random point has a random stratum and random parameters. Only strata in which a weakness changes what
-  the planner sees in some of 40 points are drawn from, 1,000 points in all; their share of the strata is a factor of
+  the planner sees in some of 40 points are drawn from, 600 points in all; their share of the strata is a factor of
   the rate.
 - ``planted_median_run``: the run that found a common one.
 - ``planted_unreached``: weaknesses that no base shows, or that are not rare in any.
@@ -36,7 +36,7 @@ from .weaknesses import NAMES, PRACTICE, RARE, RARE_PRACTICE
 
 _COMMON_RUNS, _RARE_RUNS = 60, 300
 _SCANNED = 80
-_LOOKED_AT, _RARE_SCANNED = 40, 1000
+_LOOKED_AT, _RARE_SCANNED = 40, 600
 """Points of each stratum that show whether a weakness matters there, and points in those in which it does."""
 _RARE_RATE = 0.002
 _SCAN_SEED = 987_654_321

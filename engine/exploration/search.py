@@ -221,8 +221,9 @@ class FailureSearch:
 
     def _proposal(self) -> tuple[Point, float]:
         """Return a point, and the score of the point from which it was derived."""
-        # Each stratum gets its first points; afterwards, one with more parameters gets more.
-        least = min(self._known.values(), key=lambda one: (one.weight >= _STARTS, one.weight / one.stratum.dimensions))
+        least = min(self._known.values(), key=lambda known: known.weight)
+        if least.weight >= _STARTS:  # a stratum with more parameters needs more points
+            least = min(self._known.values(), key=lambda known: known.weight / known.stratum.dimensions)
         way = self._way() if least.weight >= _STARTS else "start"
         if way == "descend":
             found = self._descent()

@@ -159,6 +159,15 @@ async def test_a_search_goes_on_from_the_last_whole_line_of_a_damaged_file(whole
 
 
 @pytest.mark.anyio
+async def test_a_batch_that_two_searches_appended_counts_once(whole: Searched) -> None:
+    (kept,) = (whole.workspace.root / "explored").glob("*.jsonl")
+    before = kept.read_text(encoding="utf-8").splitlines(keepends=True)
+    kept.write_text("".join([*before[:3], before[2], *before[3:]]), encoding="utf-8")
+    _, points = await searched(whole.workspace, progress())
+    assert points == whole.points
+
+
+@pytest.mark.anyio
 async def test_a_base_that_fails_already_is_refused_with_its_failure(tmp_path: Path) -> None:
     standing = driving(31, (70, 0), 0.0, 151)
     workspace = workspace_with(tmp_path, town_road().with_vehicles(standing))

@@ -32,6 +32,16 @@ def bands(point: Point) -> Score:
     return Score(-1.0, f"{point.stratum}|{int(point.values[1] * 3)}|{int(point.values[2] * 2)}")
 
 
+def overlooked(point: Point) -> Score:
+    """A planner that overlooks one kind of road user: where it has to react, no score leads to its failures."""
+    reacts = point.values[0] < 0.3
+    if point.way == "demand" and not reacts:
+        return Score(None, demand=0.0)
+    if point.stratum == "merge" and reacts and abs(point.values[1] - 0.5) < 0.1:
+        return Score(-1.0, "merge|front", 1.0)
+    return Score(0.4, demand=1.0 if reacts else 0.0)
+
+
 def searched(judge: Judge, runs: int, seed: int, batch: int = 4) -> tuple[FailureSearch, list[Point], list[Score]]:
     search, points, scores = FailureSearch(STRATA, seed, batch), list[Point](), list[Score]()
     while search.runs < runs:
@@ -83,6 +93,23 @@ def test_implausible_points_cost_no_runs() -> None:
 def test_a_rare_failure_is_found_where_chance_would_need_thousands_of_runs(seed: int) -> None:
     search, _, _ = searched(rare, 150, seed)
     assert "merge|front" in search.archive.cells
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_points_at_which_the_planner_has_to_react_are_covered_although_no_score_leads_to_a_failure(seed: int) -> None:
+    search, points, scores = searched(overlooked, 200, seed)
+    assert list(search.archive.cells) == ["merge|front"]
+    ran = [score.demand for point, score in zip(points, scores, strict=True) if point.way == "demand" and score.value]
+    assert len(ran) > 30
+    assert set(ran) == {1.0}
+
+
+def test_points_at_which_the_planner_need_not_react_cost_no_runs_and_are_not_implausible() -> None:
+    search, points, scores = searched(overlooked, 100, seed=5)
+    idle = sum(score.value is None for score in scores)
+    assert idle
+    assert search.evaluated - search.runs == idle
+    assert all(point.way == "demand" for point, score in zip(points, scores, strict=True) if score.value is None)
 
 
 def test_a_cell_with_enough_hits_is_left_for_others() -> None:
