@@ -88,7 +88,7 @@ TOOLS: tuple[ToolSpec, ...] = (
         "generate_scenarios",
         "Generate scenarios",
         "scenarios",
-        seldom=("conditions", "cover", "source"),
+        seldom=("conditions", "cover", "source", "criticality"),
         open_world=True,
         view="player",
         looks=(calling("describe_catalog", facet="maps"),),

@@ -4,7 +4,7 @@ A search is a job. Every evaluated batch is stored, so an interrupted search, or
 continues where the last one stopped. The failures that it finds are ordinary edited scenarios with their runs.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +16,7 @@ from ..engine.planners import check_modes, check_world
 from ..engine.workspace import Recipe, append_text, versions_of, write_text
 from ..schemas.base import Model
 from ..schemas.errors import NotPossible
-from ..schemas.exploration import EncounterSetting
+from ..schemas.exploration import EncounterSetting, Evaluation, LogicalScenario
 from ..schemas.failures import (
     EvaluatedPoint,
     FailureCell,
@@ -50,6 +50,10 @@ _SEARCH = 2
 """The version of the search: another version proposes other points, so it cannot go on from stored ones."""
 _MOST_TRIED = 6
 """A search ends after this many proposals per run, if most are implausible (chosen)."""
+
+
+Report = Callable[[float, str], None]
+"""Receives the share that is done, and what is being done."""
 
 
 class _Batch(Model):
@@ -149,7 +153,7 @@ class _Search:
         _write(self.path, (self.space, *self.batches), self.context)
         self.is_whole = True
 
-    async def open(self, progress: JobProgress) -> SearchSpace:
+    async def open(self, report: Report) -> SearchSpace:
         """Return the search space, from an earlier search or derived now.
 
         Raises:
@@ -159,7 +163,7 @@ class _Search:
         if self.space is None:
 
             async def forward(share: float, message: str) -> None:
-                progress.report(_OPENING * share, message)
+                report(_OPENING * share, message)
 
             request = SpaceRequest(setting=self.setting, base_id=self.scenario_id)
             self.space = await self.context.services.workers.run(OPEN_SPACE, request, on_progress=forward)
@@ -178,17 +182,21 @@ class _Search:
 
     async def run(self, progress: JobProgress) -> FailureSearchRecord:
         """Search until the budget is used, store the failures, and return the record."""
-        space = await self.open(progress)
+        space = await self.open(progress.report)
+        await self.search(space, progress.report)
+        return await self._record(space, progress)
+
+    async def search(self, space: SearchSpace, report: Report) -> None:
+        """Evaluate points until the budget is used, and store each batch."""
         while not self.is_done:
             await self.evaluate_batch(space)
             self.keep()
             share = min(self.runs / self.arguments.runs, 1.0)
             found = len(self.cells(self.points))
-            progress.report(
+            report(
                 _OPENING + (0.9 - _OPENING) * share,
                 f"{self.runs} of {self.arguments.runs} runs, {found} distinct failures",
             )
-        return await self._record(space, progress)
 
     async def evaluate_batch(self, space: SearchSpace) -> None:
         """Propose one batch, and evaluate it on all workers."""
@@ -264,16 +272,12 @@ class _Search:
                 runs=reduced.runs,
                 is_minimal=reduced.is_minimal,
             )
-        values = {
-            parameter.name: round(parameter.at_share(share), 4)
-            for parameter, share in zip(stratum.parameters, best.point.shares, strict=True)
-        }
-        written = ", ".join(one.stated(values[one.name]) for one in stratum.parameters)
+        values = _values(stratum, best)
         return FoundFailure(
             scenario_id=scenario_id,
             run_id=run_id,
             cell=cell,
-            change=f"{stratum.summary} ({written})",
+            change=_change(stratum, best),
             values=values,
             edits=best.edits,
             reason=best.evaluation.reason,
@@ -321,6 +325,69 @@ class _Search:
     def _base(self) -> str:
         problem = self.setting.problem_id
         return self.scenario_id if problem is None else f"{self.scenario_id}#{problem}"
+
+
+def _values(stratum: LogicalScenario, found: EvaluatedPoint) -> dict[str, float]:
+    """Return the parameters of a point by name."""
+    return {
+        parameter.name: round(parameter.at_share(share), 4)
+        for parameter, share in zip(stratum.parameters, found.point.shares, strict=True)
+    }
+
+
+def _change(stratum: LogicalScenario, found: EvaluatedPoint) -> str:
+    """Return text such as ``a car ahead brakes (deceleration 5 m/s², …)``."""
+    values = _values(stratum, found)
+    return f"{stratum.summary} ({', '.join(one.stated(values[one.name]) for one in stratum.parameters)})"
+
+
+@dataclass(frozen=True)
+class Encounter:
+    """A point near a base: the change in words, its edits, how the planner fares, and the runs that found it."""
+
+    change: str
+    edits: tuple[Edit, ...]
+    evaluation: Evaluation
+    runs: int
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether the planner fails here although a careful driver would not."""
+        return self.evaluation.outcome == "failed_avoidably"
+
+
+async def most_critical(
+    arguments: FindFailuresArguments, context: WorkflowContext, report: Report, *, failures: bool
+) -> Encounter | None:
+    """Search near a base, and return the encounter with the least margin; nothing but the evaluated points is stored.
+
+    Args:
+        arguments: those of the search; ``shrink`` has no effect.
+        context: the resources of the workflow.
+        report: receives the share that is done, and what is being done.
+        failures: whether avoidable failures count; they are more critical than any margin.
+
+    Returns:
+        The encounter, or None if no point has this property.
+
+    Raises:
+        NotPossible: the planner fails in the unchanged base, or nothing plausible can be varied.
+        InvalidRequest: the prediction does not fit the traffic or the world, or the planner does not fit the world.
+    """
+    search = _search(arguments, context)
+    space = await search.open(report)
+    await search.search(space, report)
+    outcomes = ("safe", "failed_avoidably") if failures else ("safe",)
+    counted_points = [
+        point
+        for point in search.within_budget
+        if point.score.value is not None and point.evaluation.outcome in outcomes
+    ]
+    if not counted_points:
+        return None
+    best = min(counted_points, key=lambda point: point.score.value or 0.0)
+    stratum = next(one for one in space.strata if one.name == best.point.stratum)
+    return Encounter(_change(stratum, best), best.edits, best.evaluation, search.runs)
 
 
 def _check(space: SearchSpace, scenario_id: str, planner: str) -> None:

@@ -28,6 +28,7 @@ from .specification import USUAL_EGO as USUAL_EGO
 from .specification import USUAL_GOAL as USUAL_GOAL
 from .specification import WEATHER_WORDS as WEATHER_WORDS
 from .specification import WEATHERS as WEATHERS
+from .specification import Criticality as Criticality
 from .specification import Density as Density
 from .specification import GenerationRequest as GenerationRequest
 from .specification import GenerationSpec as GenerationSpec
@@ -489,6 +490,7 @@ class GenerateScenariosArguments(Arguments):
     conditions: list[str] = Field(
         [], description="time=rush_hour or 17:30, weather=rain, drivers=PRESET, mix=natural, others=cut_in"
     )
+    criticality: Criticality = Field("usual", description="critical: idm fails, a careful driver would not")
     cover: list[str] = Field([], description="combine: 'density=low|high', 'turn=left|right'")
     source: MapChoice = Field("auto", description="auto: online if no local map has it")
 
@@ -525,6 +527,11 @@ class ScenarioSummary(Model):
         "",
         exclude_if=lambda words: not words,
         description="the requested manoeuvre of others: actor, time, and whether it is scripted",
+    )
+    encounter: str = Field(
+        "",
+        exclude_if=lambda words: not words,
+        description="with `criticality`: the added encounter, and how a planner fares in it",
     )
     absences: tuple[VehicleAbsence, ...] = Field(
         (),
@@ -568,6 +575,7 @@ class ScenarioSummary(Model):
                 f"{self.ego[0].upper()}{self.ego[1:]}.",
                 f"Goal: {self.goal}.",
                 *([f"Others: {self.others}."] if self.others else []),
+                *([f"Encounter: {self.encounter}."] if self.encounter else []),
             ],
             figures=[f"Traffic: {self.density}.", *self.missing, *tried, *(f"Note: {note}" for note in notes)],
             warnings=[
@@ -583,7 +591,7 @@ class ScenarioSummary(Model):
         tried = f"; trial run: {self.trial_run}" if self.trial_run else ""
         made = f"- {self.scenario_id}{' (already stored)' if self.reused else ''}"
         refused = f"; {self.planners_refuse}" if self.planners_refuse else ""
-        others = f"; {self.others}" if self.others else ""
+        others = "".join(f"; {words}" for words in (self.others, self.encounter) if words)
         shown = f"{self.recorded_s:g} s, {self.traffic}; {self.density}"
         return f"{made}: {self.where}; {shown}{others}{tried}{failed}{refused}"
 

@@ -23,6 +23,12 @@ ScenarioType = Literal["any", SiteType]
 MapChoice = Literal["auto", "local", "online"]
 """Which maps to use; ``auto`` means local maps that contain the place, otherwise a downloaded one."""
 Density = Literal["low", "medium", "high"]
+Criticality = Literal["usual", "raised", "critical"]
+"""How critical a scenario has to be for a built-in planner.
+
+- ``usual``: as the traffic happens to be
+- ``raised``: with the added encounter that leaves the planner the least margin
+- ``critical``: with an added encounter in which it fails although a careful driver would not"""
 Turn = Literal["left", "right", "straight", "lane_change", "merge", "exit", "unprotected_left", "u_turn"]
 _AT_JUNCTIONS: tuple[Turn, ...] = ("left", "right", "straight", "lane_change")
 _WITHOUT_LIGHTS: tuple[Turn, ...] = (*_AT_JUNCTIONS, "unprotected_left")
@@ -383,6 +389,7 @@ class GenerationSpec(ScenarioSpec):
     count: int = 1
     source: MapChoice = "auto"
     trial_run: bool = False
+    criticality: Criticality = "usual"
     notes: tuple[str, ...] = ()
 
 

@@ -162,6 +162,10 @@ class RequestedPlan:
         """
         factors, strength = read_cover(arguments.cover)
         names = {factor.name.partition(" ")[0] for factor in factors}
+        if arguments.criticality != "usual":
+            raise InvalidRequest(
+                "criticality is for single scenarios", next_step="leave it out, or call find_failures for a scenario"
+            )
         if arguments.trial_run:
             raise InvalidRequest(
                 "trial_run is for single scenarios", next_step="leave it out, and call run_planner with the plan's id"

@@ -127,6 +127,7 @@ def read_specification(arguments: GenerateScenariosArguments) -> GenerationSpec:
         count=arguments.count,
         source=arguments.source,
         trial_run=arguments.trial_run,
+        criticality=arguments.criticality,
         notes=(*read.notes, *taken),
     )
 

@@ -1,0 +1,77 @@
+"""Add an encounter to a generated scenario that is critical for a built-in planner.
+
+The encounter is a point of the search that ``find_failures`` makes near the scenario: an ordinary list of edits.
+"""
+
+from typing import Final
+
+from ...schemas.errors import NotPossible
+from ...schemas.failures import CAREFUL_WORDS, FindFailuresArguments
+from ...schemas.generation import GenerationSpec, ScenarioSummary
+from ...schemas.modification import ModifyScenarioArguments
+from ..context import WorkflowContext
+from ..failures import Encounter, most_critical
+from ..modification import modified_once
+
+PLANNER: Final = "idm"
+"""The planner that an encounter is critical for: the fastest built-in one that reacts to others."""
+_RUNS = {"raised": 24, "critical": 60}
+"""The budget of each search in runs (chosen: some seconds)."""
+_ALREADY = "base_failed_avoidably"
+
+
+async def with_encounter(context: WorkflowContext, summary: ScenarioSummary, spec: GenerationSpec) -> ScenarioSummary:
+    """Return the summary of the scenario with the most critical encounter that the search finds.
+
+    If a scenario with the requested criticality is not possible, the scenario stays as it is, with the reason in the
+    notes. A scenario in which the planner fails although a careful driver would not is critical already.
+    """
+    arguments = FindFailuresArguments(
+        scenario_id=summary.scenario_id,
+        config=PLANNER,
+        runs=_RUNS[spec.criticality],
+        until_first=spec.criticality == "critical",
+        seed=spec.seed,
+    )
+    try:
+        encounter = await most_critical(arguments, context, _ignored, failures=spec.criticality == "critical")
+    except NotPossible as refusal:
+        if refusal.reason == _ALREADY:
+            return summary.model_copy(update={"encounter": f"not changed, since {refusal.message}"})
+        return _unchanged(summary, refusal.message)
+    if encounter is None:
+        return _unchanged(summary, f"no encounter near it is critical for {PLANNER}")
+    made = await modified_once(
+        ModifyScenarioArguments(
+            scenario_id=summary.scenario_id, edits=list(encounter.edits), on_conflict="refuse", seed=spec.seed
+        ),
+        context,
+    )
+    words = f"{encounter.change}; {_fares(encounter)}; added to {summary.scenario_id}"
+    notes = [*summary.notes]
+    if spec.criticality == "critical" and not encounter.has_failed:
+        notes.append(
+            f"{PLANNER} fails in none of {encounter.runs} encounters although a careful driver would not; this one "
+            "leaves it the least margin. Another seed has other traffic"
+        )
+    return summary.model_copy(update={"scenario_id": str(made.scenario_id), "encounter": words, "notes": notes})
+
+
+def _ignored(share: float, message: str) -> None:
+    """Ignore the progress of the search: the call reports that of its scenarios."""
+    del share, message
+
+
+def _unchanged(summary: ScenarioSummary, reason: str) -> ScenarioSummary:
+    return summary.model_copy(update={"notes": [*summary.notes, f"no encounter was added: {reason}"]})
+
+
+def _fares(encounter: Encounter) -> str:
+    """Return how the planner fares in an encounter, in words."""
+    found = encounter.evaluation
+    if not encounter.has_failed:
+        gap = "" if found.least_gap_m is None else f" by {found.least_gap_m:.1f} m"
+        return f"{PLANNER} avoids a collision{gap}"
+    names = dict.fromkeys(CAREFUL_WORDS[one.driver] for one in found.prevented_by if one.driver in CAREFUL_WORDS)
+    drivers = f"the {' and '.join(names)} driver{'s' * (len(names) > 1)} of UN regulation R157"
+    return f"{PLANNER} {found.reason}; {drivers} would not fail"
