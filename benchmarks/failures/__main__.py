@@ -6,6 +6,7 @@ keys:
 - ``planted``: ``planted_common``, ``planted_rare`` (planted weaknesses found as themselves within a budget).
 - ``sound``: ``reproduced``, ``plausible``, ``shrink_users``, ``shrink_runs``, ``shrink_same`` (stored failures judged
   again, apart; their reduction).
+- ``critical``: ``critical_attributable``, ``critical_plausible`` (scenarios generated with ``criticality=critical``).
 - ``over_peers``: ``over_best_peer``, ``cells_150`` (distinct failures over those of other searches).
 - ``speed``: ``evaluations_frenetix``, ``evaluations_fiss``, ``evaluations_idm``, ``boundary_frenetix_s``,
   ``boundary_idm_s`` (processor time).
@@ -27,6 +28,7 @@ PARTS: Parts[FailuresBench] = Parts(
     keys={
         "planted": ("planted_common", "planted_rare"),
         "sound": ("reproduced", "plausible", "shrink_users", "shrink_runs", "shrink_same"),
+        "critical": ("critical_attributable", "critical_plausible"),
         "over_peers": ("over_best_peer", "cells_150"),
         "speed": (
             "evaluations_frenetix",

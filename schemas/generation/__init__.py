@@ -490,7 +490,7 @@ class GenerateScenariosArguments(Arguments):
     conditions: list[str] = Field(
         [], description="time=rush_hour or 17:30, weather=rain, drivers=PRESET, mix=natural, others=cut_in"
     )
-    criticality: Criticality = Field("usual", description="critical: idm fails, a careful driver would not")
+    criticality: Criticality = Field("usual", description="critical: frenetix fails, a careful driver would not")
     cover: list[str] = Field([], description="combine: 'density=low|high', 'turn=left|right'")
     source: MapChoice = Field("auto", description="auto: online if no local map has it")
 

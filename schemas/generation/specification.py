@@ -24,7 +24,7 @@ MapChoice = Literal["auto", "local", "online"]
 """Which maps to use; ``auto`` means local maps that contain the place, otherwise a downloaded one."""
 Density = Literal["low", "medium", "high"]
 Criticality = Literal["usual", "raised", "critical"]
-"""How critical a scenario has to be for a built-in planner.
+"""How critical a scenario has to be for the default planner.
 
 - ``usual``: as the traffic happens to be
 - ``raised``: with the added encounter that leaves the planner the least margin

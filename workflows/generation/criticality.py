@@ -1,10 +1,9 @@
-"""Add an encounter to a generated scenario that is critical for a built-in planner.
+"""Add an encounter to a generated scenario that is critical for the default planner.
 
 The encounter is a point of the search that ``find_failures`` makes near the scenario: an ordinary list of edits.
 """
 
-from typing import Final
-
+from ...engine.tuning import DEFAULT_CONFIGURATION
 from ...schemas.errors import NotPossible
 from ...schemas.failures import CAREFUL_WORDS, FindFailuresArguments
 from ...schemas.generation import GenerationSpec, ScenarioSummary
@@ -13,10 +12,8 @@ from ..context import WorkflowContext
 from ..failures import Encounter, most_critical
 from ..modification import modified_once
 
-PLANNER: Final = "idm"
-"""The planner that an encounter is critical for: the fastest built-in one that reacts to others."""
 _RUNS = {"raised": 24, "critical": 60}
-"""The budget of each search in runs (chosen: some seconds)."""
+"""The budget of each search in runs (chosen: half a minute at most)."""
 _ALREADY = "base_failed_avoidably"
 
 
@@ -28,7 +25,7 @@ async def with_encounter(context: WorkflowContext, summary: ScenarioSummary, spe
     """
     arguments = FindFailuresArguments(
         scenario_id=summary.scenario_id,
-        config=PLANNER,
+        config=DEFAULT_CONFIGURATION,
         runs=_RUNS[spec.criticality],
         until_first=spec.criticality == "critical",
         seed=spec.seed,
@@ -40,7 +37,7 @@ async def with_encounter(context: WorkflowContext, summary: ScenarioSummary, spe
             return summary.model_copy(update={"encounter": f"not changed, since {refusal.message}"})
         return _unchanged(summary, refusal.message)
     if encounter is None:
-        return _unchanged(summary, f"no encounter near it is critical for {PLANNER}")
+        return _unchanged(summary, f"no encounter near it is critical for {DEFAULT_CONFIGURATION}")
     made = await modified_once(
         ModifyScenarioArguments(
             scenario_id=summary.scenario_id, edits=list(encounter.edits), on_conflict="refuse", seed=spec.seed
@@ -51,8 +48,8 @@ async def with_encounter(context: WorkflowContext, summary: ScenarioSummary, spe
     notes = [*summary.notes]
     if spec.criticality == "critical" and not encounter.has_failed:
         notes.append(
-            f"{PLANNER} fails in none of {encounter.runs} encounters although a careful driver would not; this one "
-            "leaves it the least margin. Another seed has other traffic"
+            f"{DEFAULT_CONFIGURATION} has no avoidable failure in {encounter.runs} encounters; the added one leaves it "
+            "the least margin. Another seed has other traffic"
         )
     return summary.model_copy(update={"scenario_id": str(made.scenario_id), "encounter": words, "notes": notes})
 
@@ -71,7 +68,7 @@ def _fares(encounter: Encounter) -> str:
     found = encounter.evaluation
     if not encounter.has_failed:
         gap = "" if found.least_gap_m is None else f" by {found.least_gap_m:.1f} m"
-        return f"{PLANNER} avoids a collision{gap}"
+        return f"{DEFAULT_CONFIGURATION} avoids a collision{gap}"
     names = dict.fromkeys(CAREFUL_WORDS[one.driver] for one in found.prevented_by if one.driver in CAREFUL_WORDS)
     drivers = f"the {' and '.join(names)} driver{'s' * (len(names) > 1)} of UN regulation R157"
-    return f"{PLANNER} {found.reason}; {drivers} would not fail"
+    return f"{DEFAULT_CONFIGURATION} {found.reason}; {drivers} would not fail"

@@ -1,0 +1,49 @@
+"""``criticality``: the encounter that the search finds near a generated scenario becomes part of it."""
+
+from pathlib import Path
+
+import pytest
+from support.artifacts import store_scenario
+from support.builders import ScenarioBuilder, driving, town_road
+
+from benchmarks.harness import call_in_process
+from plannerforge.engine.workspace import Workspace
+from plannerforge.schemas.generation import Criticality, GenerateScenariosArguments, ScenarioSummary
+from plannerforge.workflows.context import WorkflowContext
+from plannerforge.workflows.generation.criticality import with_encounter
+from plannerforge.workflows.generation.specification import read_specification
+
+pytestmark = pytest.mark.anyio
+BASE = "ZAM_Town-1_1_T-1"
+QUIET = town_road().with_vehicles(driving(34, (280, 7), 11.0, 151, heading_rad=3.14159))
+
+
+async def critical(
+    folder: Path, criticality: Criticality, builder: ScenarioBuilder = QUIET
+) -> tuple[ScenarioSummary, WorkflowContext]:
+    workspace = Workspace(folder / "workspace")
+    if workspace.find("scenario", BASE) is None:
+        store_scenario(workspace, BASE, builder.write(folder / "town.xml"))
+    context = call_in_process(workspace)
+    generated = ScenarioSummary.model_construct(scenario_id=BASE, notes=[], encounter="")
+    spec = read_specification(GenerateScenariosArguments(criticality=criticality))
+    return await with_encounter(context, generated, spec), context
+
+
+async def test_a_raised_scenario_has_an_added_encounter_and_is_the_same_again(tmp_path: Path) -> None:
+    made, context = await critical(tmp_path, "raised")
+    assert made.scenario_id != BASE
+    assert made.encounter
+    recipe = context.workspace.get(made.scenario_id, "scenario").recipe
+    assert recipe.tool == "modify_scenario"
+    assert recipe.parents == (BASE,)
+    again, _ = await critical(tmp_path, "raised")
+    assert (again.scenario_id, again.encounter) == (made.scenario_id, made.encounter)
+
+
+async def test_a_scenario_in_which_the_planner_fails_unavoidably_stays_as_it_is(tmp_path: Path) -> None:
+    in_contact_soon = town_road().with_vehicles(driving(31, (46, 0), 0.0, 151))
+    made, _ = await critical(tmp_path, "critical", in_contact_soon)
+    assert made.scenario_id == BASE
+    assert len(made.notes) == 1
+    assert not made.encounter
