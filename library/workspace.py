@@ -52,13 +52,12 @@ from ..server.arguments.checking import read_arguments
 from ..server.settings import Settings
 from ..server.suites import read_suite
 from ..workflows import artifacts as artifact_work
-from ..workflows import boundaries, catalog, exporting, failures, importing, modification, rendering
+from ..workflows import boundaries, catalog, critical_scenarios, exporting, failures, importing, modification, rendering
 from ..workflows import planners as planning
 from ..workflows import scenarios as scenario_work
 from ..workflows.analysis import comparison, figures, optimization
 from ..workflows.analysis.suite import carry_out
 from ..workflows.context import WorkflowContext
-from ..workflows.generation import generate
 from ..workflows.runs import resume_run
 from ..workflows.scenarios import ChosenScenario, choose_scenarios
 from .calling import Caller
@@ -128,7 +127,7 @@ class Workspace:
     def generate(self, **arguments: Any) -> Scenarios:
         """Generate scenarios from maps (``generate_scenarios``) and wait until all are stored."""
         request = read_arguments(GenerateScenariosArguments, arguments)
-        made = self._wait_for(generate.generate_scenarios, request)
+        made = self._wait_for(critical_scenarios.generate_scenarios, request)
         ids = [one.scenario_id for one in made.scenarios]
         if made.plan is not None:
             ids = [one.scenario_id for one in self._caller.call(_scenarios_of_plan, made.plan.plan_id)]

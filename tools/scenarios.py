@@ -9,8 +9,7 @@ from ..schemas.catalog import (
 from ..schemas.generation import GenerateScenariosArguments, GenerateScenariosResult
 from ..schemas.modification import ModifyScenarioArguments, ModifyScenarioResult
 from ..schemas.scenarios import DescribeScenarioArguments, DescribeScenarioResult
-from ..workflows import catalog, modification, scenarios
-from ..workflows.generation import generate
+from ..workflows import catalog, critical_scenarios, modification, scenarios
 from .call import ToolCall
 
 
@@ -26,7 +25,7 @@ async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> F
 
 async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCall) -> GenerateScenariosResult:
     """Generate scenarios from maps; a view shows the first."""
-    result = await generate.generate_scenarios(arguments, call)
+    result = await critical_scenarios.generate_scenarios(arguments, call)
     if result.plan is None:
         call.shows(*(one.scenario_id for one in result.scenarios[:1]))
     return result

@@ -85,4 +85,7 @@ def _problem(case: Case, point: EvaluatedPoint) -> str:
         request = ModificationRequest(
             xml=case.path, edits=point.edits, benchmark_id=case.path.stem, output=Path(folder)
         )
-        return problem_of(case.path, apply_edits(request, silent).xml, point.evaluation.time_s or 0.0)
+        written = apply_edits(request, silent).xml
+        return (
+            "nothing was written" if written is None else problem_of(case.path, written, point.evaluation.time_s or 0)
+        )

@@ -457,7 +457,7 @@ class GeneratedScenario(Model):
 
 
 class GenerateScenariosArguments(Arguments):
-    """Generate scenarios from a map; reports requested and realised. Unknown places are refused."""
+    """Generate scenarios from a map; reports requested and realised."""
 
     place: str | None = Field(None, description="city, street, 'street A / street B', road number or map id")
     country: str | None = Field(None, description="ISO alpha-3")
@@ -490,9 +490,12 @@ class GenerateScenariosArguments(Arguments):
     conditions: list[str] = Field(
         [], description="time=rush_hour or 17:30, weather=rain, drivers=PRESET, mix=natural, others=cut_in"
     )
-    criticality: Criticality = Field("usual", description="critical: frenetix fails, a careful driver would not")
-    cover: list[str] = Field([], description="combine: 'density=low|high', 'turn=left|right'")
-    source: MapChoice = Field("auto", description="auto: online if no local map has it")
+    criticality: Criticality = "usual"
+    """With ``critical``, an encounter is added in which the default planner fails although a careful driver would not;
+    with ``raised``, one that leaves it little margin."""
+    cover: list[str] = Field([], description="'density=low|high', 'turn=left|right'")
+    source: MapChoice = "auto"
+    """With ``auto``, a place that no local map has is requested online."""
 
 
 class ScenarioSummary(Model):

@@ -389,7 +389,6 @@ class GenerationSpec(ScenarioSpec):
     count: int = 1
     source: MapChoice = "auto"
     trial_run: bool = False
-    criticality: Criticality = "usual"
     notes: tuple[str, ...] = ()
 
 

@@ -8,10 +8,9 @@ from support.builders import ScenarioBuilder, driving, town_road
 
 from benchmarks.harness import call_in_process
 from plannerforge.engine.workspace import Workspace
-from plannerforge.schemas.generation import Criticality, GenerateScenariosArguments, ScenarioSummary
+from plannerforge.schemas.generation import Criticality, ScenarioSummary
 from plannerforge.workflows.context import WorkflowContext
-from plannerforge.workflows.generation.criticality import with_encounter
-from plannerforge.workflows.generation.specification import read_specification
+from plannerforge.workflows.critical_scenarios import with_encounter
 
 pytestmark = pytest.mark.anyio
 BASE = "ZAM_Town-1_1_T-1"
@@ -26,8 +25,7 @@ async def critical(
         store_scenario(workspace, BASE, builder.write(folder / "town.xml"))
     context = call_in_process(workspace)
     generated = ScenarioSummary.model_construct(scenario_id=BASE, notes=[], encounter="")
-    spec = read_specification(GenerateScenariosArguments(criticality=criticality))
-    return await with_encounter(context, generated, spec), context
+    return await with_encounter(context, generated, criticality, 0), context
 
 
 async def test_a_raised_scenario_has_an_added_encounter_and_is_the_same_again(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ from ...schemas.text import counted, is_utf8, quoted, shown_name
 from ..catalog import find_scenarios
 from ..configurations import resolve_configuration, store_configuration
 from ..context import WorkflowContext
-from ..generation.generate import generate_scenarios
+from ..critical_scenarios import generate_scenarios
 from ..importing import import_files
 from ..operations import COMPARE, REVIEW_RUNS
 from ..planners import configure_planner

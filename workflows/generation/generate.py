@@ -8,7 +8,6 @@ from ...schemas.text import counted
 from ..context import WorkflowContext
 from ..maps import map_of_scenario, maps_at_hand
 from .coverage import cover_combinations
-from .criticality import with_encounter
 from .flow_tables import with_tables_read
 from .making import make_scenario, with_trial_run
 from .map_choice import (
@@ -92,8 +91,6 @@ async def _make_all(
         share = (index / len(sites.planned), (index + 1) / len(sites.planned))
         try:
             summary, given_up = await _make_somewhere(spec, context, site, spare, index, share)
-            if spec.criticality != "usual":
-                summary = await with_encounter(context, summary, spec)
             made.append(await with_trial_run(context, summary) if spec.trial_run else summary)
             notes += [f"another map was used: {refusal.message}" for refusal in given_up]
         except NotPossible as refusal:

@@ -127,7 +127,6 @@ def read_specification(arguments: GenerateScenariosArguments) -> GenerationSpec:
         count=arguments.count,
         source=arguments.source,
         trial_run=arguments.trial_run,
-        criticality=arguments.criticality,
         notes=(*read.notes, *taken),
     )
 

@@ -1,23 +1,46 @@
-"""Add an encounter to a generated scenario that is critical for the default planner.
+"""Generate scenarios, and add encounters to them that are critical for the default planner.
 
 The encounter is a point of the search that ``find_failures`` makes near the scenario: an ordinary list of edits.
 """
 
-from ...engine.tuning import DEFAULT_CONFIGURATION
-from ...schemas.errors import NotPossible
-from ...schemas.failures import CAREFUL_WORDS, FindFailuresArguments
-from ...schemas.generation import GenerationSpec, ScenarioSummary
-from ...schemas.modification import ModifyScenarioArguments
-from ..context import WorkflowContext
-from ..failures import Encounter, most_critical
-from ..modification import modified_once
+from ..engine.tuning import DEFAULT_CONFIGURATION
+from ..schemas.errors import NotPossible
+from ..schemas.failures import CAREFUL_WORDS, FindFailuresArguments
+from ..schemas.generation import Criticality, GenerateScenariosArguments, GenerateScenariosResult, ScenarioSummary
+from ..schemas.modification import ModifyScenarioArguments
+from .context import WorkflowContext
+from .failures import Encounter, most_critical
+from .generation.generate import generate_scenarios as generate_usual_scenarios
+from .generation.making import with_trial_run
+from .modification import modified_once
 
 _RUNS = {"raised": 24, "critical": 60}
 """The budget of each search in runs (chosen: half a minute at most)."""
 _ALREADY = "base_failed_avoidably"
 
 
-async def with_encounter(context: WorkflowContext, summary: ScenarioSummary, spec: GenerationSpec) -> ScenarioSummary:
+async def generate_scenarios(
+    arguments: GenerateScenariosArguments, context: WorkflowContext
+) -> GenerateScenariosResult:
+    """Generate scenarios of the requested criticality.
+
+    Raises:
+        InvalidRequest: no scenario could be generated; the error gives the reason for the first scenario.
+    """
+    if arguments.criticality == "usual" or arguments.cover:
+        return await generate_usual_scenarios(arguments, context)
+    made = await generate_usual_scenarios(arguments.model_copy(update={"trial_run": False}), context)
+    scenarios = []
+    for summary in made.scenarios:
+        changed = await with_encounter(context, summary, arguments.criticality, arguments.seed)
+        scenarios.append(await with_trial_run(context, changed) if arguments.trial_run else changed)
+    context.made("scenario", *(summary.scenario_id for summary in scenarios))
+    return made.model_copy(update={"scenarios": scenarios})
+
+
+async def with_encounter(
+    context: WorkflowContext, summary: ScenarioSummary, criticality: Criticality, seed: int
+) -> ScenarioSummary:
     """Return the summary of the scenario with the most critical encounter that the search finds.
 
     If a scenario with the requested criticality is not possible, the scenario stays as it is, with the reason in the
@@ -26,12 +49,12 @@ async def with_encounter(context: WorkflowContext, summary: ScenarioSummary, spe
     arguments = FindFailuresArguments(
         scenario_id=summary.scenario_id,
         config=DEFAULT_CONFIGURATION,
-        runs=_RUNS[spec.criticality],
-        until_first=spec.criticality == "critical",
-        seed=spec.seed,
+        runs=_RUNS[criticality],
+        until_first=criticality == "critical",
+        seed=seed,
     )
     try:
-        encounter = await most_critical(arguments, context, _ignored, failures=spec.criticality == "critical")
+        encounter = await most_critical(arguments, context, _ignored, failures=criticality == "critical")
     except NotPossible as refusal:
         if refusal.reason == _ALREADY:
             return summary.model_copy(update={"encounter": f"not changed, since {refusal.message}"})
@@ -40,13 +63,13 @@ async def with_encounter(context: WorkflowContext, summary: ScenarioSummary, spe
         return _unchanged(summary, f"no encounter near it is critical for {DEFAULT_CONFIGURATION}")
     made = await modified_once(
         ModifyScenarioArguments(
-            scenario_id=summary.scenario_id, edits=list(encounter.edits), on_conflict="refuse", seed=spec.seed
+            scenario_id=summary.scenario_id, edits=list(encounter.edits), on_conflict="refuse", seed=seed
         ),
         context,
     )
     words = f"{encounter.change}; {_fares(encounter)}; added to {summary.scenario_id}"
     notes = [*summary.notes]
-    if spec.criticality == "critical" and not encounter.has_failed:
+    if criticality == "critical" and not encounter.has_failed:
         notes.append(
             f"{DEFAULT_CONFIGURATION} has no avoidable failure in {encounter.runs} encounters; the added one leaves it "
             "the least margin. Another seed has other traffic"
