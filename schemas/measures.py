@@ -287,7 +287,7 @@ MEASURES: tuple[Measure, ...] = (
         "time from the first to the last contact of the ego's body with the band that the other's body sweeps",
         "Allen, Shin and Cooper 1978",
         "above 0",
-        "no other road user's path crossed the ego's within 10 s, or the run began or ended in that area",
+        "no other road user's path crossed the ego's within 10 s, or the run began or ended in the crossing area",
         abbreviation="ET",
     ),
     Measure(
@@ -580,7 +580,7 @@ MEASURES: tuple[Measure, ...] = (
     ),
     Measure(
         "drivable_share",
-        "drivable share",
+        "share of drivable steps",
         "1",
         "higher",
         "the share of the steps that the vehicle can drive as driven: 1 for a feasible motion",

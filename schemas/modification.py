@@ -471,9 +471,9 @@ class ModifyScenarioResult(Result):
         """
         stood = [(one.vehicle_id, one.stood_until_s) for one in self.touched if one.stood_until_s is not None]
         most, _ = self._most(_MOST_TOUCHED)
-        vehicles = "; ".join(f"{_ids(keys)} until {until_s:.1f} s" for until_s, keys in _grouped(stood[:most]))
+        vehicles = "; ".join(f"until {until_s:.1f} s: {_ids(keys)}" for until_s, keys in _grouped(stood[:most]))
         more = f"; {len(stood) - most} more" if len(stood) > most else ""
-        return [f"Now driving, though standing in the recording: {vehicles}{more}."] if stood else []
+        return [f"Now driving, though stationary in the recording {vehicles}{more}."] if stood else []
 
     def _judged(self) -> list[str]:
         if self.checkers_agree is None:

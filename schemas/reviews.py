@@ -109,9 +109,9 @@ class Prevention(Model):
                 f"no reference driver prevents it, from just before the contact{starts} ({REFERENCE_DRIVERS_DO}){aside}"
             )
         prevents = (
-            [] if self.by_braking_until_s is None else [f"full braking as late as {self.by_braking_until_s:.1f} s"]
+            [] if self.by_braking_until_s is None else [f"full braking (as late as {self.by_braking_until_s:.1f} s)"]
         )
-        prevents += [] if until is None else [f"swerving as late as {until:.1f} s"]
+        prevents += [] if until is None else [f"swerving (as late as {until:.1f} s)"]
         prevents += self._drivers(prevents=True)
         if self.by_braking_until_s is None and not self._drivers(prevents=True):
             none = "no reference driver prevents it from just before the contact"
@@ -386,7 +386,7 @@ class Contact(Model):
         if self.other_speed_mps is None:
             event = "left the road" if self.obstacle_id is None else f"collided with {self.other}"
             return f"{event} at {self.time_s:.1f} s, at {self.ego_speed_mps:.1f} m/s{self._braked}"
-        speeds = f"ego {self.ego_speed_mps:.1f} m/s{self._braked}; {self.other} {self.other_speed_mps:.1f} m/s"
+        speeds = f"ego {self.ego_speed_mps:.1f} m/s{self._braked}; {self.other}: {self.other_speed_mps:.1f} m/s"
         also = f"; also touched: {', '.join(map(str, self.also_touched))}" if self.also_touched else ""
         # If the ego caused it by driving along its path as it did, drivers on that path say nothing.
         prevention = self.prevention if self.laid_to != "ego" else None

@@ -508,7 +508,7 @@ class DescribeScenarioResult(Result):
             return [f"No vehicle within radius_m of {shown.focus}, {shown.vehicles_total} elsewhere; raise radius_m."]
         more = shown.vehicles_total - len(shown.vehicles)
         rest = "raise radius_m" if self.detail == "vehicles" else "detail=vehicles"
-        start = " from its start" if shown.time_s else ""
+        start = ", from its position at 0 s" if shown.time_s else ""
         measured = [f"distances along its lane{start}"] if shown.focus == "the ego" else []
         when = f" at {shown.time_s:g} s" if shown.time_s else ""
         notes = "; ".join([*measured, *([f"{more} more: {rest}"] if more else [])])

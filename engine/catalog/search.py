@@ -235,7 +235,7 @@ class Search:
         text = self._text_words
         few = len(text.found) + len(text.nowhere) <= _FEW_WORDS
         notes = ["The text index was damaged and has been rebuilt."] if ranking and ranking.mended_index else []
-        notes += [f"Found words of the text: {'; '.join(text.found)}."] if text.found else []
+        notes += [f"Words found: {'; '.join(text.found)}."] if text.found else []
         if text.nowhere and (text.alone or few):
             *first, last = (f"'{one_line(word)}'" for word in text.nowhere)
             words = f"{', '.join(first)} and {last}" if first else last

@@ -136,7 +136,7 @@ def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list
     sentences = []
     if reached:
         reach = "reaches" if len(reached) == 1 else "reach"
-        sentences.append(f"{listed(tuple(reached))} {reach} the speed at {_range_of(reached.values())} s")
+        sentences.append(f"{listed(tuple(reached))} {reach} that speed at {_range_of(reached.values())} s")
     for reason, closest_mps in missed.items():
         do = "does" if len(closest_mps) == 1 else "do"
         best = _range_of(closest_mps.values())

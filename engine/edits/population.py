@@ -494,9 +494,9 @@ def _line(edit: Edit, scene: Scene, changes: Changes, *, stands: bool) -> tuple[
         line = np.array([(x, y), (x + np.cos(heading), y + np.sin(heading))])
         return line, _stands_on(place.lanelet_id, place.station_m)
     line = _across(scene, place)
-    side = "left" if edit.side == "left" else "right"
-    where = f"crosses lanelet {place.lanelet_id} at {place.station_m:.1f} m from its {side}"
-    return line[::-1] if side == "left" else line, where
+    begin, end = ("left", "right") if edit.side == "left" else ("right", "left")
+    where = f"crosses lanelet {place.lanelet_id} from {begin} to {end}, {place.station_m:.1f} m along it,"
+    return line[::-1] if begin == "left" else line, where
 
 
 def _along(edit: Edit, footpath: int, scene: Scene, *, stands: bool) -> tuple[Points, str]:

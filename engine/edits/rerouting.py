@@ -233,7 +233,7 @@ def branch_for(scene: Scene, start: int, turn: str, who: str) -> _Branch:
         raise NotPossible(
             f"{who} has no fork ahead in its lane",
             valid=[f"to={key}" for key in onward[:_ONWARD_NAMED]],
-            next_step="give a lanelet that it can reach in 'to'",
+            next_step="set 'to' to a lanelet that it can reach",
             remedies=[with_values(turn=None, to=[str(key)]) for key in onward[:_ONWARD_NAMED]],
         )
     fitting = [branch for branch in branches if branch.turn == turn]

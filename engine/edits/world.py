@@ -183,8 +183,8 @@ def _crop_time(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
         _shift_light(light, begin)
     moved = _shift_problems(root, scene, drive, begin)
     seconds = f"from {begin * scene.step_s:g} to {end * scene.step_s:g} s"
-    outside = f"{counted(gone, 'road user')} outside that time removed" if gone else "no road user is outside that time"
-    return f"cut to the time {seconds}, now counted from 0; {outside}{moved}"
+    removed = f"{counted(gone, 'road user')} removed (absent in that time)" if gone else "no road user removed"
+    return f"cut to the time {seconds}, now counted from 0; {removed}{moved}"
 
 
 def _keeps_states(obstacle: _Element, begin: int, end: int) -> bool:
@@ -540,7 +540,9 @@ def _conditions_named(edit: Edit) -> _Conditions:
         wanted = next((known for known in WEATHERS if known == WEATHER_WORDS.get(word, word)), None)
         if wanted is None or name != "weather" or weather is not None:
             raise InvalidRequest(
-                f"{quoted(text)} is not a weather" if weather is None else "set_weather takes one weather",
+                f"{quoted(text)} is not a kind of weather"
+                if weather is None
+                else "set_weather takes one kind of weather",
                 valid=[*valid, *_VALID_FRICTIONS],
                 next_step="choose one of these",
                 remedies=[
@@ -590,7 +592,7 @@ def _set_weather(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], T
         notes.append(f"the file now states {conditions.weather}{conditions.taken}, so searches can find it")
     if conditions.friction is None:
         return (
-            f"{'; '.join(notes)}; friction stays unchanged, because this weather has no known value, and traffic "
+            f"{'; '.join(notes)}; friction stays unchanged, because no value is known for this weather, and traffic "
             "drives as before"
         )
     set_friction(root, conditions.friction)
@@ -599,7 +601,7 @@ def _set_weather(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], T
     notes.append(
         f"friction {conditions.friction:g}{of_road}{before}: tyres can sustain at most "
         f"{conditions.friction * GRAVITY_MPS2:.2f} m/s², "
-        "longitudinal and lateral combined. From now on it applies to planners, reference drivers, motion checks and "
+        "longitudinal and lateral combined. This friction applies to planners, reference drivers, motion checks and "
         "vehicles driven by SUMO; motion already recorded or simulated stays unchanged"
     )
     return "; ".join(notes)

@@ -130,7 +130,7 @@ def _costs(runs: RunSet) -> Drawing:
     """
     costs = cost_shares(runs)
     if not costs:
-        raise NotPossible("these runs have no recorded cost terms", next_step="render kind=outcomes")
+        raise NotPossible("no cost terms were recorded", next_step="render kind=outcomes")
     configs = list(dict.fromkeys((item.config_id, item.config_name) for item in costs))[: len(HATCHES)]
     by_term = {(item.config_id, item.term): item for item in costs}
     largest = {item.term: item.mean_weighted for item in sorted(costs, key=lambda item: item.mean_weighted)}

@@ -93,7 +93,7 @@ def terms(runs: RunSet) -> Drawing:
     candidates = [record for record in _failures_first(runs) if record.run_id in runs.steps]
     priced = [record for record in candidates if runs.steps[record.run_id].costs]
     if not priced:
-        raise NotPossible("these runs have no recorded cost terms", next_step="render kind=profile")
+        raise NotPossible("no cost terms were recorded", next_step="render kind=profile")
     record = priced[0]
     steps = runs.steps[record.run_id]
     names, values = _stacked(steps)

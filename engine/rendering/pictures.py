@@ -109,7 +109,7 @@ def _boundary(request: RenderRequest) -> Drawing:
     if request.boundary is None:
         raise NotPossible(
             "kind boundary shows an exploration, but ids contains no boundary",
-            next_step="pass the id that explore_boundary gave",
+            next_step="pass the id that explore_boundary returned",
             remedies=[with_values(kind=None)],
         )
     return boundary_chart(request.boundary)

@@ -322,7 +322,7 @@ def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets:
         on = f" on lanelet{'s' * (len(lanelets) > 1)} {', '.join(map(str, lanelets[:3]))}" if lanelets else ""
         parts.append(f"region {float(np.linalg.norm(centers[0] - start)):.0f} m away{on}")
     else:
-        parts.append("no position")
+        parts.append("any position")
     first = states[0]
     if getattr(first, "time_step", None) is not None:
         time = _span(first.time_step, step_s)

@@ -261,9 +261,7 @@ _CHANNELS = (
 """The seven channels of MP-RBFN by the names of its public copy, normalised in ``engine/planners/rbfn/costs.py``."""
 _CHANNEL_PRESETS = (
     _preset(_CHANNELS, "Default", "Default", "follow the path, keep the speed", (0.6, 0.3, 0.8, 0.1, 0.1, 0.3, 0.1)),
-    _preset(
-        _CHANNELS, "Comfort", "Comfort", "speed counts less, straight ahead more", (0.4, 0.2, 0.3, 0.6, 0.4, 0.3, 0.1)
-    ),
+    _preset(_CHANNELS, "Comfort", "Comfort", "speed counts less, heading more", (0.4, 0.2, 0.3, 0.6, 0.4, 0.3, 0.1)),
     _preset(_CHANNELS, "Balanced", "Balanced", "between the others", (0.5, 0.3, 0.5, 0.3, 0.2, 0.4, 0.2)),
     _preset(
         _CHANNELS,
@@ -297,7 +295,7 @@ _IDM_PARAMETERS = (
     ),
 )
 _IDM_PRESETS = (
-    _preset(_IDM_PARAMETERS, "Default", "Default", "the values of the model's paper", (1.6, 2.0, 0.73, 1.67, 3.0)),
+    _preset(_IDM_PARAMETERS, "Default", "Default", "the values in the model's paper", (1.6, 2.0, 0.73, 1.67, 3.0)),
     _preset(_IDM_PARAMETERS, "Cautious", "Cautious", "large gaps, gentle", (2.4, 4.0, 0.6, 1.2, 2.0)),
     _preset(_IDM_PARAMETERS, "Sporty", "Sporty", "small gaps, brisk", (1.0, 1.5, 2.0, 3.0, 4.0)),
 )
@@ -378,7 +376,7 @@ _KEPT = (10.0, 5.0, 5.0, 3.0, 1.5, 4.0, 1.0, 3.0, 2.0, 0.3, 1.5, 0.5, 0.75)
 _NOT_KEPT = (0.0, 0.0, 0.0, 3.0, 1.5, 4.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0)
 _FISS_DEFAULT = (1.0, 1.0, 0.1, 0.1, 2.0, 5.0, 10.0, 1.0, *_KEPT)
 _FISS_PRESETS = (
-    _preset(_FISS_WEIGHTS, "Default", "Default", "the defaults of its authors", _FISS_DEFAULT),
+    _preset(_FISS_WEIGHTS, "Default", "Default", "its authors' defaults", _FISS_DEFAULT),
     _preset(
         _FISS_WEIGHTS,
         "Plain",
@@ -392,7 +390,7 @@ _FOLLOWING = (
     Weight(
         "follows",
         "1: drives to the goal and keeps its distance like idm; 0: keeps its initial speed",
-        "drives to the goal while its model does not react",
+        "drives to the goal whenever its model does not intervene",
         "ours",
         0.0,
         1.0,
@@ -412,11 +410,11 @@ _CAREFUL = (
 _FUZZY = (
     *_FOLLOWING,
     Weight("response_s", "response time, s", "reacts later", "ours", 0.0, 3.0),
-    Weight("gentle_mps2", "comfortable braking, m/s²", "begins later", "ours", 0.5, 9.0),
-    Weight("hard_mps2", "hardest braking, m/s²", "begins later, brakes harder", "ours", 0.5, 9.0),
-    Weight("front_mps2", "deceleration expected of the leader, m/s²", "begins earlier", "ours", 0.5, 10.0),
+    Weight("gentle_mps2", "comfortable braking, m/s²", "brakes later", "ours", 0.5, 9.0),
+    Weight("hard_mps2", "hardest braking, m/s²", "brakes later and harder", "ours", 0.5, 9.0),
+    Weight("front_mps2", "deceleration expected of the leader, m/s²", "brakes earlier", "ours", 0.5, 10.0),
     Weight("standstill_m", "gap when standing, m", "stops earlier", "ours", 0.0, 10.0),
-    Weight("margin_m", "margin of the safe distance, m", "begins earlier", "ours", 0.0, 10.0),
+    Weight("margin_m", "margin of the safe distance, m", "brakes earlier", "ours", 0.0, 10.0),
 )
 _RSS = (
     *_FOLLOWING,

@@ -401,13 +401,15 @@ def _edited(comparison: Comparison) -> list[str]:
         return []
     lines = []
     for pair in comparison.edited[:_SHOWN_EDITED]:
-        parts = [*(f"{edit} only in the first" for edit in pair.undone), *pair.done]
+        only = " only in the second" if pair.undone else ""
+        parts = [*(f"{edit} only in the first" for edit in pair.undone), *(f"{edit}{only}" for edit in pair.done)]
         more = len(parts) - _SHOWN_EDITS
         changes = "; ".join(parts[:_SHOWN_EDITS]) + (
             f"; {more} more: describe_scenario detail=recipe" if more > 0 else ""
         )
         lines.append(
-            f"- edited ({pair.before} → {pair.after}): {changes or 'generated again with another seed or traffic'}"
+            f"- {'edits differ' if pair.undone else 'edited'} ({pair.before} → {pair.after}): "
+            f"{changes or 'generated again with another seed or traffic'}"
         )
     more = comparison.edited_count - len(lines)
     return [*lines, *([f"- {counted(more, 'more pair')} of a scenario and its edited version"] if more > 0 else [])]

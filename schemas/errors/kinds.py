@@ -261,7 +261,7 @@ class UnsafeInput(PlannerForgeError):
     """A file that is malformed, hostile or larger than the limits."""
 
     code = "unsafe_input"
-    usual_step = "correct the file or use another one; nothing was imported"
+    usual_step = "correct the file or use another one; this one was not imported"
 
 
 class ResourceFailure(PlannerForgeError):

@@ -106,7 +106,7 @@ async def test_the_baseline_and_settings_go_the_whole_way(call: Call) -> None:
     analysis = await call("analyze_results", results=[grid["batch_id"]])
     assert not isinstance(analysis, str), analysis
     assert not isinstance(await call("render", ids=[runs[made["config_id"]]]), str)
-    assert "no recorded cost terms" in await call("render", ids=[runs[listed["config_id"]]], kind="costs")
+    assert "no cost terms were recorded" in await call("render", ids=[runs[listed["config_id"]]], kind="costs")
     exported = await call("export_artifacts", ids=[made["config_id"]], formats=["yaml"], folder="out")
     again = await call("import_files", path=exported["files"][0]["path"])
     assert again["items"][0]["artifact_id"] == made["config_id"]

@@ -36,7 +36,7 @@ def test_one_run_is_reported_with_its_ending_its_closest_moment_and_links() -> N
     reviews = {run.run_id: RunReview(run_id=run.run_id, contact=hit, closest=near, largest=(motion,))}
     lines = answer(cells_of([run]), [CellResult(run)], reviews=reviews).to_text().splitlines()
     assert lines[0].endswith(
-        ": collision: hit from behind by car 1 at 4.0 s (ego 2.0 m/s, not braking; car 1 9.0 m/s)."
+        ": collision: hit from behind by car 1 at 4.0 s (ego 2.0 m/s, not braking; car 1: 9.0 m/s)."
     )
     assert (
         lines[1]

@@ -350,7 +350,7 @@ def _mark(lanelet: "Lanelet", side: str) -> str:
 def _lost(network: "LaneletNetwork", plan: RoadPlan, footways: int) -> tuple[str, ...]:
     counts = (
         (len(network.traffic_lights), "traffic light", ""),
-        (len(network.traffic_signs), "traffic sign", " (speed limits are kept at the lanes)"),
+        (len(network.traffic_signs), "traffic sign", " (speed limits are kept on the lanes)"),
         (len(plan.left_out), "lanelet", " without an area"),
         (len(plan.apart), "link", " between lanelets that do not meet"),
         (footways, "footway", " (pavements and crossings)"),

@@ -193,8 +193,11 @@ def test_a_scenario_and_its_edited_version_are_a_pair_and_the_edit_is_reported()
 def test_versions_of_one_scenario_are_paired_and_differ_in_their_own_edits() -> None:
     lineage = (edited("ZAM_A-1_1_T-2", "one", "two"), edited("ZAM_A-1_1_T-3", "one", "three"))
     before, after = [source(record("ZAM_A-1_1_T-2"))], [source(record("ZAM_A-1_1_T-3"))]
-    pair = compared(before, after, lineage=lineage).comparisons[0].edited[0]
+    result = compared(before, after, lineage=lineage)
+    pair = result.comparisons[0].edited[0]
     assert (pair.common, pair.undone, pair.done) == ("ZAM_A-1_1_T-1", ("two",), ("three",))
+    words = "- edits differ (ZAM_A-1_1_T-2 → ZAM_A-1_1_T-3): two only in the first; three only in the second"
+    assert words in result.to_text()
 
 
 def test_the_same_scenario_is_preferred_and_several_versions_are_not_paired() -> None:

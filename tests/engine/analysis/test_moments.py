@@ -118,7 +118,7 @@ def test_the_text_states_the_time_the_speeds_and_the_events_before(tmp_path: Pat
     hit = contact(ego, other, folder=tmp_path)
     assert hit.prevention is not None
     assert hit.in_words() == (
-        "was hit by car 7 from behind while stationary at 4.0 s (ego 0.0 m/s, standing since 0.0 s; car 7 9.0 m/s); "
+        "was hit by car 7 from behind while stationary at 4.0 s (ego 0.0 m/s, standing since 0.0 s; car 7: 9.0 m/s); "
         f"attributed to the recording; {hit.prevention.in_words()}"
     )
     braking = (0.0,) * 31 + (-3.0,) * 10
@@ -126,7 +126,7 @@ def test_the_text_states_the_time_the_speeds_and_the_events_before(tmp_path: Pat
     found = reviewed(ego, other, folder=tmp_path, acceleration_mps2=braking).contact
     assert found is not None
     assert (found.braked_since_s, found.closing_mps) == (3.0, pytest.approx(7.0))
-    assert "at 4.0 s (ego 12.0 m/s, braking since 3.0 s; car 7 5.0 m/s); " in found.in_words()
+    assert "at 4.0 s (ego 12.0 m/s, braking since 3.0 s; car 7: 5.0 m/s); " in found.in_words()
 
 
 def test_all_that_are_touched_at_once_are_named(tmp_path: Path) -> None:

@@ -329,7 +329,7 @@ def test_rows_state_the_direction_of_collisions(tmp_path: Path) -> None:
     found = analysed(*runs, detail="rows", scenarios=(scenario,))
     assert [row.contact.kind for row in found.rows if row.contact] == ["rear_end_by_other"] * 2
     assert (
-        "collision: hit from behind by car 32 at 4.0 s (ego 10.0 m/s, not braking; car 32 10.0 m/s" in found.to_text()
+        "collision: hit from behind by car 32 at 4.0 s (ego 10.0 m/s, not braking; car 32: 10.0 m/s" in found.to_text()
     )
 
 

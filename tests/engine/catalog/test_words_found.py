@@ -78,7 +78,7 @@ def test_words_of_a_text_are_reported_by_where_they_were_found(three: sqlite3.Co
     found = answer(three, text="bikes at a roundabout")
     assert found.notes == (
         (
-            "Found words of the text: 'bikes' (read as bicycle) in 1 scenario (obstacle); "
+            "Words found: 'bikes' (read as bicycle) in 1 scenario (obstacle); "
             "'roundabout' in 1 scenario (tag), 1 scenario (feature)."
         ),
     )

@@ -28,7 +28,7 @@ def test_a_speed_is_reached_and_kept_above_the_limit_too(apply: Apply, speed: st
     track = applied.tracks()[34]
     assert track.speeds_mps[80] == pytest.approx(expected, abs=0.1)
     assert applied.outcome.touched[0].feasible
-    assert "34 reaches the speed at" in applied.outcome.edits[0].what
+    assert "34 reaches that speed at" in applied.outcome.edits[0].what
 
 
 def test_it_drives_as_recorded_before_the_edit(apply: Apply) -> None:
