@@ -23,6 +23,7 @@ from .naming.alike import (
     beginning,
     has_initials,
     is_abbreviated,
+    is_begun_with,
     is_half_of,
     is_inflected,
     is_long_enough,
@@ -34,10 +35,13 @@ from .naming.places import countries_spelt_like, country_code, fold, latin, plac
 from .naming.regions import region_of
 from .naming.spellings import (
     MOST_KEPT,
+    adds_number,
     distinctive,
+    ends_in_section,
     has_same_numbers,
     is_one_number,
     is_only_a_kind,
+    is_section,
     kinds_of_road,
     names_a_street,
     road_keys,
@@ -463,8 +467,24 @@ def place_parts(place: str) -> list[str]:
 
 
 def listed_parts(place: str) -> list[str]:
-    """Split the text of a place at commas."""
-    return [part.strip() for part in re.split(r"[,;，；]", place) if part.strip()]
+    """Split the text of a place at commas; the number of a section stays with its road (``Taiwan Blvd., Sec. 4``)."""
+    parts = [part.strip() for part in re.split(r"[,;，；]", place) if part.strip()]
+    return _with_sections(parts) if any(map(is_section, parts)) else parts
+
+
+def _with_sections(parts: Sequence[str]) -> list[str]:
+    """Return the parts with each section joined to the road before it, or to the next part if there is none."""
+    joined: list[str] = []
+    waiting = ""
+    for part in parts:
+        if not is_section(part):
+            joined.append(f"{part} {waiting}" if waiting.isascii() and waiting else part + waiting)
+            waiting = ""
+        elif joined and names_a_street(joined[-1]):
+            joined[-1] += f" {part}" if part.isascii() else part
+        else:
+            waiting = part
+    return [*joined, waiting] if waiting else joined
 
 
 def crossing_parts(text: str) -> list[str]:
@@ -1114,10 +1134,20 @@ def _read_road(
     """
     roads = roads_called(part, facts, short=short, whole=whole) if not core else _roads_after(part, facts)
     if not roads and not whole and (unnumbered := _HOUSE_NUMBER.sub("", part)) != part:
-        roads = roads_called(unnumbered, facts, short=short)
+        roads = () if ends_in_section(unnumbered) else _without_other_numbers(unnumbered, facts, short=short)
     if not roads:
         return None
     return _as_roads(part, roads)
+
+
+def _without_other_numbers(part: str, facts: MapFacts, *, short: bool) -> tuple[str, ...]:
+    """Return the roads with a name that has no more numbers than the text, from which a house number was removed.
+
+    ``State Highway 4`` is not ``State Highway 12``, although each of them may be ``State Highway``.
+    """
+    spellings = _road_index((*facts.streets, *facts.refs), facts.road_names).spellings
+    roads = roads_called(part, facts, short=short)
+    return tuple(name for name in roads if not all(adds_number(part, one) for one in spellings[name]))
 
 
 def _as_roads(part: str, roads: tuple[str, ...]) -> _Reading:
@@ -1330,7 +1360,8 @@ def _roads_begun(text: str, facts: MapFacts) -> tuple[str, ...]:
         return ()
     names = _beginnings(known, several)
     first = bisect_left(names, (begun, ""))
-    found = {name for words, name in takewhile(lambda pair: pair[0].startswith(begun), names[first:])}
+    same = takewhile(lambda pair: pair[0].startswith(begun), names[first:])
+    found = {name for words, name in same if is_begun_with(begun, words)}
     return tuple(sorted(found, key=_road_index(known, several).order.__getitem__))
 
 

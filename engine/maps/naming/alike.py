@@ -9,6 +9,7 @@ from itertools import groupby
 from .places import VOWELLESS, latin
 from .spellings import (
     MOST_KEPT,
+    agrees_in_numbers,
     always_says_kind,
     distinctive,
     is_direction,
@@ -71,7 +72,7 @@ def is_transliterated(typed: str, name: str) -> bool:
     if scripts[0] == scripts[1] or not (scripts[0] | scripts[1]) <= _ALPHABETS:
         return False
     kinds = kinds_of_road(typed), kinds_of_road(name)
-    if all(kinds) and kinds[0].isdisjoint(kinds[1]):
+    if (all(kinds) and kinds[0].isdisjoint(kinds[1])) or not agrees_in_numbers(typed, name):
         return False
     return any(_sound_alike(one, other, typed + name) for one in _tellings(typed) for other in _tellings(name))
 
@@ -86,7 +87,7 @@ def is_abbreviated(typed: str, name: str) -> bool:
     words, held = _significant_words(typed), _significant_words(name)
     if len(words) < len(held) and not any(map(_is_kind, words)):
         held = tuple(word for word in held if not _is_kind(word)) or held
-    if len(words) != len(held) or words == held:
+    if len(words) != len(held) or words == held or not agrees_in_numbers(typed, name):
         return False
     kept = [word for word, whole in zip(words, held, strict=True) if word == whole and len(word) >= SHORTEST_BEGUN]
     short = [(word, whole) for word, whole in zip(words, held, strict=True) if word != whole]
@@ -111,7 +112,7 @@ def has_initials(typed: str, name: str) -> bool:
 def _words_with_initials(typed: str) -> tuple[str, ...]:
     """Return the words, single letters in a row as one (``M. G. Road``); empty if none of them can be initials."""
     words: list[str] = []
-    for is_letter, run in groupby(words_of_name(typed), key=lambda word: len(word) == 1):
+    for is_letter, run in groupby(words_of_name(typed), key=lambda word: len(word) == 1 and word.isalpha()):
         several = list(run)
         words += ["".join(several)] if is_letter else several
     fewest = _FEWEST_INITIALS if kinds_of_road(typed) else _FEWEST_INITIALS + 1
@@ -137,7 +138,7 @@ def _spells(typed: Sequence[str], name: Sequence[str], *, spelt: bool, has_kind:
         return True
     many = len(first)
     initials = [word[0] for word in name[:many]]
-    is_spelt = _FEWEST_INITIALS <= many <= _MOST_INITIALS and initials == list(first)
+    is_spelt = first.isalpha() and _FEWEST_INITIALS <= many <= _MOST_INITIALS and initials == list(first)
     is_free = has_kind or not any(map(kinds_of_road, name[:many]))
     return is_spelt and is_free and _spells(rest, name[many:], spelt=True, has_kind=has_kind)
 
@@ -179,6 +180,8 @@ def _is_other_form(one: str, other: str) -> bool:
 
     The two words must share more letters than they differ in, or share the whole of a short word (``út``: ``úton``).
     """
+    if one.isdecimal() or other.isdecimal():  # ``100`` is another number than ``10``
+        return one == other
     common = next((index for index, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), None)
     common = min(len(one), len(other)) if common is None else common
     ending = max(len(one), len(other)) - common
@@ -222,7 +225,12 @@ def is_half_of(typed: str, name: str) -> bool:
         words = tuple(word for word in words if not _is_kind(word))
     if not words or not is_long_enough(typed):
         return False
-    return all(word in held for word in words[:-1]) and any(one.startswith(words[-1]) for one in held)
+    return all(word in held for word in words[:-1]) and any(is_begun_with(words[-1], one) for one in held)
+
+
+def is_begun_with(typed: str, name: str) -> bool:
+    """Return whether a name begins with the typed letters; a number is never incomplete (``Calle 4``: ``Calle 40``)."""
+    return name.startswith(typed) and not (typed[-1].isdecimal() and name[len(typed) : len(typed) + 1].isdecimal())
 
 
 @lru_cache(maxsize=MOST_KEPT)

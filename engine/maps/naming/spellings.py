@@ -145,8 +145,10 @@ _CHINESE_DIRECTIONS = {"北": "north", "南": "south", "东": "east", "東": "ea
 _NUMERALS = "一二三四五六七八九十"
 _CHINESE_ROAD = re.compile(
     rf"(?P<stem>[\u4e00-\u9fff]{{1,}}?)(?P<direction>[北南东東西中]?)(?P<section>[{_NUMERALS}]?)"
-    rf"(?P<kind>{'|'.join(_CHINESE_KINDS)})(?P<part>[{_NUMERALS}]段)?"
+    rf"(?P<kind>{'|'.join(_CHINESE_KINDS)})(?P<part>(?:[{_NUMERALS}]|\d{{1,2}})段)?"
 )
+_CHINESE_SECTION = re.compile(rf"(?:[{_NUMERALS}]|\d{{1,2}})段")
+_SECTION_WORDS = frozenset(["section", "sec"])
 _NUMBERED_KINDS = frozenset(
     ["road", "highway", "freeway", "expressway", "route", "interstate", "motorway", "autoroute", "autobahn", "loop"]
 )
@@ -481,8 +483,41 @@ def _chinese(name: str) -> tuple[tuple[str, ...], ...]:
     if found is None:
         return ()
     words = [latin(found["stem"]), _CHINESE_DIRECTIONS.get(found["direction"], "")]
-    numerals = [_NUMERALS.find(text[0]) + 1 for text in (found["section"], found["part"]) if text]
+    numerals = [_value_of(text.removesuffix("段")) for text in (found["section"], found["part"]) if text]
     return (tuple(word for word in (*words, *map(str, numerals), _CHINESE_KINDS[found["kind"]]) if word),)
+
+
+def _value_of(numeral: str) -> int:
+    return int(numeral) if numeral.isdecimal() else _NUMERALS.find(numeral) + 1
+
+
+def is_section(text: str) -> bool:
+    """Return True for the number of a road's section without the road (``Sec. 4``, ``四段``)."""
+    words = words_of_name(text)
+    others = [word for word in words if word not in _SECTION_WORDS]
+    is_numbered = len(words) == 2 and len(others) == 1 and bool(_numbers_meant(others[0]))
+    return is_numbered or _CHINESE_SECTION.fullmatch(text.strip()) is not None
+
+
+def ends_in_section(name: str) -> bool:
+    """Return True if the last word announces the number of a section (``Taiwan Boulevard Section``)."""
+    return not _SECTION_WORDS.isdisjoint(words_of_name(name)[-1:])
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _numbers_in(name: str) -> frozenset[frozenset[str]]:
+    """Return the numbers in each reading of a name."""
+    return frozenset(frozenset(filter(str.isdecimal, reading)) for reading in road_readings(name))
+
+
+def agrees_in_numbers(one: str, other: str) -> bool:
+    """Return whether two names may have the same numbers, in figures, in words or as Roman numerals."""
+    return not _numbers_in(one).isdisjoint(_numbers_in(other))
+
+
+def adds_number(typed: str, name: str) -> bool:
+    """Return whether a name has a number that the typed text lacks, in every reading."""
+    return not any(held <= asked for asked in _numbers_in(typed) for held in _numbers_in(name))
 
 
 def _number_keys(name: str) -> set[str]:

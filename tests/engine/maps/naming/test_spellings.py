@@ -379,3 +379,75 @@ def test_an_older_record_without_names_still_finds_its_roads() -> None:
     entry = replace(a_map("Pine Street"), path=Path("b.osm"))
     assert entry.facts.road_names == ()
     assert roads(entry, "Pine St") == [("Pine Street",)]
+
+
+TAICHUNG = a_map(
+    "臺灣大道一段",
+    "臺灣大道二段",
+    road_names=(("臺灣大道一段", "Taiwan Boulevard Section 1"), ("臺灣大道二段", "Section 2, Taiwan Boulevard")),
+    country="TWN",
+    map_id="map_one",
+    place="臺中市",
+    places=("臺中市",),
+    south=24.13,
+    north=24.16,
+    west=120.66,
+    east=120.69,
+)
+XITUN = a_map(
+    "臺灣大道四段",
+    "臺灣大道五段",
+    road_names=(("臺灣大道四段", "Taiwan Boulevard Section 4"), ("臺灣大道五段", "Taiwan Boulevard Section 5")),
+    country="TWN",
+    map_id="map_four",
+    place="西屯區",
+    places=("西屯區",),
+    south=24.17,
+    north=24.20,
+    west=120.60,
+    east=120.63,
+)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *("Taiwan Boulevard Section 4, Taichung", "Taiwan Blvd., Sec. 4, Taichung", "Sec. 4, Taiwan Blvd., Taichung"),
+        *("Taiwan Boulevard Section IV, Taichung", "Section Four Taiwan Boulevard", "4th Section Taiwan Boulevard"),
+        *(
+            "臺灣大道四段, 臺中市",
+            "台灣大道4段",
+            "台灣大道4段",
+            "臺灣大道, 四段",
+            "Taiwan Boulevard Section 4 Taichung",
+        ),
+    ],
+)
+def test_the_section_of_a_road_is_never_another_one(words: str) -> None:
+    (match,) = find_maps([TAICHUNG, XITUN], place=words)
+    assert (match.entry, match.streets) == (XITUN, (("臺灣大道四段",),))
+    with pytest.raises(UnknownName) as refusal:
+        find_maps([TAICHUNG], place=words)
+    assert refusal.value.valid
+
+
+@pytest.mark.parametrize(
+    ("words", "street"),
+    [
+        ("State Highway 4, Seattle", "State Highway 12"),
+        ("Calle 4", "Calle 40"),
+        ("Rua 1, Seattle", "Rua 15"),
+        ("Sector 1", "Sector 17 Road"),
+        ("C. 4 Norte", "Calle 40 Norte"),
+        ("2 Severnaya", "3-я Северная улица"),
+        ("angle de la 100 rue et Pine Street", "10 rue"),
+    ],
+)
+def test_the_number_in_a_name_is_neither_incomplete_nor_another_one(words: str, street: str) -> None:
+    with pytest.raises(UnknownName):
+        roads(a_map(street, "Pine Street"), words)
+
+
+@pytest.mark.parametrize("words", ["12 Main Street, Seattle", "Main Street 7", "Main Street 7b, Seattle"])
+def test_a_house_number_beside_a_name_without_a_number_is_dropped(words: str) -> None:
+    assert roads(a_map("Main Street", "Main Road 3"), words) == [("Main Street",)]
