@@ -39,6 +39,8 @@ from .naming.spellings import (
     distinctive,
     ends_in_section,
     has_same_numbers,
+    initials_of_network,
+    is_class_of_roads,
     is_one_number,
     is_only_a_kind,
     is_section,
@@ -136,6 +138,14 @@ _PLACE_FRAME = re.compile(
 )
 _FILE_ENDINGS = re.compile(r"(?:\.(?:osm|pbf|xml|net|xodr|roads|pb|gz|bz2))+$", re.IGNORECASE)
 _HOUSE_NUMBER = re.compile(r"\s+\d+\s?[a-z]?$|^\d+[a-z]?\s+", re.IGNORECASE)
+_NUMBER_AND_NETWORK = re.compile(r"(?P<network>[^\W\d_]+(?: [^\W\d_]+)*)[\s.-]*(?P<number>\d+[A-Za-z]?)")
+_BARE_NUMBER = re.compile(r"(?P<network>)(?P<number>\d+[A-Za-z]?)")
+_POSTCODE = re.compile(
+    r"^(?:[a-z]{1,2}-)?\d[\d-]{2,8}(?: \d{2,3}| ?[a-z]{2})?\s+(?=\D)"
+    r"|\s+(?!\d{1,2}$)(?=\S*\d)[a-z\d]{2,8}(?:[ -][a-z\d]{2,4})?$",
+    re.IGNORECASE,
+)
+"""A postcode before or after a town: one or two groups of Latin letters and digits (``10115``, ``W1F 9QP``)."""
 _DISTRICT_NUMBER = re.compile(r"\s+(?:\d{1,2}(?:e|er|[°º.])?|[ivx]+)$", re.IGNORECASE)
 _HYPHENS = re.compile(r"[-‐‑–]")
 _CROSSING_SIGNS = re.compile(r"[/&+×@]")
@@ -420,8 +430,9 @@ def _is_town_of(part: str, facts: MapFacts) -> bool:
 
 
 def _with_and_without_region(part: str, facts: MapFacts) -> list[str]:
-    """Return the text, and what is left of it without the map's state or country (``Mountain View CA``)."""
-    return [part, *(head for head, tail in _splits(part) if _is_around(tail, facts))]
+    """Return the text, and what is left without a postcode, and the map's state or country (``Mountain View CA``)."""
+    texts = tuple(dict.fromkeys((part, _POSTCODE.sub("", part))))
+    return [*texts, *(head for text in texts for head, tail in _splits(text) if _is_around(tail, facts))]
 
 
 def _add_incomplete_roads(shown: list[MapMatch], found: list[MapMatch], text: str, level: Closeness) -> list[MapMatch]:
@@ -741,6 +752,7 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
                 or _read_crossing(part, facts, closeness)
                 or _read_together(part, facts, closeness)
                 or _read_roads_in_a_phrase(part, facts, closeness)
+                or (_read_with_postcode(part, facts, closeness) if part != listed[0] else None)
             )
             if found is None and country_code(part) not in (None, *_countries(facts)) and len(part) > 3:
                 return None
@@ -932,6 +944,21 @@ def _read_postal_district(part: str, facts: MapFacts) -> _Reading | None:
     return replace(found, understood=(f"{part!r} is read as {unnumbered}: the map has no district with that number",))
 
 
+def _read_with_postcode(part: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:
+    """Read the text as a place of the map with a postcode (``London W1``), which narrows down nothing.
+
+    Only a text behind a road can be read so: the road of ``A40 London`` is no postcode.
+    """
+    town = _POSTCODE.sub("", part)
+    if town == part or names_a_street(town):
+        return None
+    found = _read_place(town, facts) or _read_together(town, facts, Closeness.SAME)
+    found = found or _read_alike(town, facts, min(closeness, Closeness.KNOWN), wide=True)
+    if found is None or found.streets or not found.placed:
+        return None
+    return replace(found, understood=(*found.understood, f"the postcode in {part!r} is not used"))
+
+
 def _is_near(settlement: Settlement, facts: MapFacts) -> bool:
     return _km_between(_as_box(settlement), _nearest_spot(settlement, facts)) <= _NEAR_KM
 
@@ -1017,11 +1044,14 @@ def _read_town_and_district(part: str, facts: MapFacts) -> _Reading | None:
 
 def _is_around(part: str, facts: MapFacts) -> bool:
     """Return whether the text is a country or state that the map is in."""
-    middle = (facts.south + facts.north) / 2, (facts.west + facts.east) / 2
     code = country_code(part)
-    return (code is not None and code in _countries(facts)) or any(
-        region_of(part, country, *middle) for country in _countries(facts)
-    )
+    return (code is not None and code in _countries(facts)) or _is_in_state(part, facts)
+
+
+def _is_in_state(part: str, facts: MapFacts) -> bool:
+    """Return whether the text is a state or province that the map is in."""
+    middle = (facts.south + facts.north) / 2, (facts.west + facts.east) / 2
+    return any(region_of(part, country, *middle) for country in _countries(facts))
 
 
 def _is_outside(part: str, facts: MapFacts) -> bool:
@@ -1380,6 +1410,10 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
     same = called.union(name for key in keys for name in index.by_whole.get(key, ()))
     if not same and (number := route_number(part)) is not None:
         same = {name for name in facts.refs if name.split()[-1:] == [number] or re.fullmatch(rf"[A-Z]+{number}", name)}
+        initials = initials_of_network(part)  # ``RN7`` is N 7 rather than A 7
+        same = {name for name in same if fold(name).removesuffix(number) in initials} or same
+    if not same:
+        same = _roads_of_state(part, facts)
     if not same and not whole:
         asked = [words for words in road_readings(part) if distinctive(words)]
         enough = short or len(part.replace("-", " ").split()) > 1
@@ -1397,6 +1431,29 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
             if not named.isdisjoint(map(without_kinds, _all_readings(spellings)))
         }
     return tuple(sorted(same, key=index.order.__getitem__))
+
+
+def _roads_of_state(part: str, facts: MapFacts) -> set[str]:
+    """Return the roads with a number that the text gives with the map's state or province (``QC-134``, ``CA-85``).
+
+    Maps write such a number alone, after the state (``CA 85``), or after a kind of road (``SR 85``).
+    """
+    asked = _NUMBER_AND_NETWORK.fullmatch(part.strip())
+    if asked is None or not _is_in_state(asked["network"], facts):
+        return set()
+    held = ((name, _NUMBER_AND_NETWORK.fullmatch(name) or _BARE_NUMBER.fullmatch(name)) for name in facts.refs)
+    return {
+        name
+        for name, ref in held
+        if ref is not None
+        and fold(ref["number"]) == fold(asked["number"])
+        and (not ref["network"] or _is_of_state(ref["network"], facts))
+    }
+
+
+def _is_of_state(network: str, facts: MapFacts) -> bool:
+    """Return whether the words before a road's number refer to the map's state or to no class of roads above it."""
+    return _is_in_state(network, facts) or (route_number(f"{network} 1") is not None and not is_class_of_roads(network))
 
 
 def _is_spelling(typed: str, name: str) -> bool:

@@ -69,7 +69,7 @@ SHORTEST_BEGUN = 3
 def is_transliterated(typed: str, name: str) -> bool:
     """Return whether two texts are the same name in different scripts, judging by sound."""
     scripts = _scripts(typed), _scripts(name)
-    if scripts[0] == scripts[1] or not (scripts[0] | scripts[1]) <= _ALPHABETS:
+    if not all(scripts) or scripts[0] == scripts[1] or not (scripts[0] | scripts[1]) <= _ALPHABETS:
         return False
     kinds = kinds_of_road(typed), kinds_of_road(name)
     if (all(kinds) and kinds[0].isdisjoint(kinds[1])) or not agrees_in_numbers(typed, name):

@@ -174,6 +174,7 @@ _LETTERED = {
     "kreisstr": "k",
 }
 """OSM's ``ref`` letters for a class of roads, by the words that people use for them."""
+_JOINED_NUMBER = re.compile(r"^([^\W\d_]{2,3})(\d+)$")
 _ELIDED = re.compile(r"\b(?:d|l|s|dell|dall|all|nell|sull)['’](?=\w)", re.IGNORECASE)
 """Articles and prepositions before a vowel, in Catalan, French and Italian: ``Port d'Envalira``. They are libpostal's
 elisions without those of pronouns and without ``sant'``, plus the Italian prepositions that it lacks.
@@ -531,9 +532,22 @@ def _number_keys(name: str) -> set[str]:
 
 
 def route_number(name: str) -> str | None:
-    """Return the number of a road that has no other name (``Route 99``, ``SR 99``); None for any other name."""
-    *kind, number = [latin(word) for word in _split(name)] or [""]
+    """Return the number of a road that has no other name (``Route 99``, ``SR 99``, ``RN7``); None for other names."""
+    *kind, number = [latin(word) for word in _split(_JOINED_NUMBER.sub(r"\1 \2", name.strip()))] or [""]
     return number if kind and number.isdecimal() and " ".join(kind) in _numbered_kinds() else None
+
+
+def is_class_of_roads(network: str) -> bool:
+    """Return True for the letters before the numbers of one class of roads (``US``, ``I``), not of a state's roads."""
+    return latin(network) in _LETTERED.values()
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def initials_of_network(name: str) -> frozenset[str]:
+    """Return the initials of the kind of road before a number, except of its first word's (``RN7``: ``N``)."""
+    kind = " ".join(map(latin, _split(_JOINED_NUMBER.sub(r"\1 \2", name.strip()))[:-1]))
+    long = _table()["long_kinds"].items()
+    return frozenset(word[0] for whole, short in long if kind in (whole, *short) for word in whole.split()[1:])
 
 
 @cache

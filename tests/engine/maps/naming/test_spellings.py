@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.maps.index import MapEntry, built_in_maps, find_maps, same_street
+from plannerforge.engine.maps.naming.places import fold
 from plannerforge.engine.maps.naming.regions import region_of, regions_at
 from plannerforge.engine.maps.naming.spellings import route_number
 from plannerforge.schemas.errors import UnknownName
@@ -451,3 +452,73 @@ def test_the_number_in_a_name_is_neither_incomplete_nor_another_one(words: str, 
 @pytest.mark.parametrize("words", ["12 Main Street, Seattle", "Main Street 7", "Main Street 7b, Seattle"])
 def test_a_house_number_beside_a_name_without_a_number_is_dropped(words: str) -> None:
     assert roads(a_map("Main Street", "Main Road 3"), words) == [("Main Street",)]
+
+
+def a_town(
+    name: str, country: str, position: tuple[float, float], *streets: str, refs: tuple[str, ...] = ()
+) -> MapEntry:
+    """A map of a town of 4 km at a position in degrees."""
+    north, east = position
+    box = {"south": north - 0.02, "north": north + 0.02, "west": east - 0.02, "east": east + 0.02}
+    return a_map(*streets, country=country, place=name, places=(name,), refs=refs, map_id=f"map_{fold(name)}", **box)
+
+
+BROSSARD_134 = a_town("Brossard", "CAN", (45.45, -73.47), "Boulevard Taschereau", refs=("134", "15"))
+MOUNTAIN_VIEW = a_town("Mountain View", "USA", (37.39, -122.08), "Castro Street", refs=("CA 85", "US 101", "SR 237"))
+SYDNEY_7 = a_town("Parramatta", "AUS", (-33.8, 151.0), "Church Street", refs=("7",))
+PARIS_7 = a_town("Juvisy", "FRA", (48.69, 2.38), "Grande Rue", refs=("A 7", "N 7"))
+
+
+@pytest.mark.parametrize(
+    ("entry", "words", "ref"),
+    [
+        *((BROSSARD_134, words, "134") for words in ("QC-134, Brossard", "QC 134", "QC134, Brossard", "Québec 134")),
+        *((MOUNTAIN_VIEW, words, "CA 85") for words in ("CA-85", "CA85, Mountain View", "California 85", "SR-85")),
+        *((MOUNTAIN_VIEW, words, "SR 237") for words in ("CA-237, Mountain View", "CA 237")),
+        *((SYDNEY_7, words, "7") for words in ("NSW-7", "NSW 7, Parramatta")),
+        *((PARIS_7, words, "N 7") for words in ("RN7", "RN 7, Juvisy", "Route nationale 7")),
+    ],
+)
+def test_a_road_number_may_have_the_state_or_the_class_of_the_road_before_it(
+    entry: MapEntry, words: str, ref: str
+) -> None:
+    assert roads(entry, words) == [(ref,)]
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        *((BROSSARD_134, words) for words in ("QC-135, Brossard", "ON-134, Brossard", "QC-13")),
+        *((MOUNTAIN_VIEW, words) for words in ("NV-85", "CA-86, Mountain View", "I-85")),
+        *((SYDNEY_7, words) for words in ("QLD-7", "NSW-17")),
+    ],
+)
+def test_another_road_number_or_state_is_refused(entry: MapEntry, words: str) -> None:
+    with pytest.raises(UnknownName):
+        roads(entry, words)
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        (a_town("London", "GBR", (51.51, -0.136), "Broadwick Street"), "Broadwick St, London W1"),
+        (a_town("London", "GBR", (51.51, -0.136), "Broadwick Street"), "Broadwick St, London W1F 9QP, UK"),
+        (a_town("Berlin", "DEU", (52.52, 13.4), "Torstraße"), "Torstr., D-10119 Berlin"),
+        (a_town("Paris", "FRA", (48.86, 2.35), "Rue de Rivoli"), "Rue de Rivoli, 75004 Paris"),
+        (MOUNTAIN_VIEW, "Castro St, Mountain View CA 94043"),
+        (a_town("Amsterdam", "NLD", (52.37, 4.9), "Damrak"), "Damrak, 1012 LG Amsterdam"),
+        (a_town("Toronto", "CAN", (43.65, -79.38), "King Street West"), "King St W, Toronto ON M5V 2T6"),
+        (a_town("Praha", "CZE", (50.08, 14.43), "Vodičkova"), "Vodičkova, 110 00 Praha"),
+        (a_town("São Paulo", "BRA", (-23.55, -46.63), "Avenida Paulista"), "Av. Paulista, São Paulo 01310-100"),
+        (a_town("Singapore", "SGP", (1.3, 103.8), "Ayer Rajah Avenue"), "Ayer Rajah Avenue, Singapore 139950"),
+    ],
+)
+def test_a_postcode_beside_the_town_of_a_road_is_not_used(entry: MapEntry, words: str) -> None:
+    (match,) = find_maps([entry], place=words)
+    assert (match.streets, match.unnamed) == ((entry.facts.streets,), ())
+
+
+@pytest.mark.parametrize("words", ["A40 London", "Broadwick Street, Paris W1", "Broadwick Street, Leeds LS1 4AP"])
+def test_a_postcode_is_neither_a_road_nor_another_town(words: str) -> None:
+    with pytest.raises(UnknownName):
+        find_maps([a_town("London", "GBR", (51.51, -0.136), "Broadwick Street")], place=words)
