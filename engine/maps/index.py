@@ -1436,7 +1436,7 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
 def _roads_of_state(part: str, facts: MapFacts) -> set[str]:
     """Return the roads with a number that the text gives with the map's state or province (``QC-134``, ``CA-85``).
 
-    Maps write such a number alone, after the state (``CA 85``), or after a kind of road (``SR 85``).
+    Maps write this number alone, after the state (``CA 85``), or after a kind of road (``SR 85``).
     """
     asked = _NUMBER_AND_NETWORK.fullmatch(part.strip())
     if asked is None or not _is_in_state(asked["network"], facts):
