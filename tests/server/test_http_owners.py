@@ -55,8 +55,8 @@ async def test_latest_job_to_cancel_is_never_that_of_another_token(serve: Serve,
         running = [await asked(one, "get_job", job_id=each, wait_s=0) for each in (mine, last)]
         assert f"{last} (batch): cancelled" in await asked(one, "cancel_job", job_id="latest")
     assert "no job was started with this token" in nothing
-    assert f"{mine} is the workspace's newest job;" in told
-    assert f"{theirs} is this token's newest job;" in looked_at
+    assert f"the workspace's newest one, {mine}, is used" in told
+    assert f"this token's newest one, {theirs}, is used" in looked_at
     assert f"{theirs} (batch): cancelled" in stopped
     assert "Valid" not in refused, "its own has ended"
     assert all(": running" in each for each in running)

@@ -133,8 +133,8 @@ def test_course_is_as_near_as_the_rectangles_are(hit: RunSource, town: ScenarioS
 
 
 def test_charts_of_runs_without_steps_are_refused() -> None:
-    for kind in ("terms", "timeline"):
-        with pytest.raises(NotPossible, match="no recorded"):
+    for kind, refused in (("terms", "no cost terms were recorded"), ("timeline", "no recorded steps")):
+        with pytest.raises(NotPossible, match=refused):
             CHARTS[kind](RunSet((source(record()),)))
 
 
