@@ -10,6 +10,7 @@ from ..schemas.generation import GenerateScenariosArguments, GenerateScenariosRe
 from ..schemas.modification import ModifyScenarioArguments, ModifyScenarioResult
 from ..schemas.scenarios import DescribeScenarioArguments, DescribeScenarioResult
 from ..workflows import catalog, critical_scenarios, modification, scenarios
+from ..workflows.generation import generate
 from .call import ToolCall
 
 
@@ -25,7 +26,9 @@ async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> F
 
 async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCall) -> GenerateScenariosResult:
     """Generate scenarios from maps; a view shows the first."""
-    result = await critical_scenarios.generate_scenarios(arguments, call)
+    is_usual = arguments.criticality == "usual"
+    make = generate.generate_scenarios if is_usual else critical_scenarios.generate_scenarios
+    result = await make(arguments, call)
     if result.plan is None:
         call.shows(*(one.scenario_id for one in result.scenarios[:1]))
     return result
