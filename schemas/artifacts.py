@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from pydantic import Field
@@ -11,7 +12,7 @@ from .jobs import JobState
 from .planning import PlannerConfiguration
 from .results import Rate
 from .runs import LostCell, Prediction, RunRecord, ScenarioSource, Traffic
-from .text import counted, shown_name
+from .text import counted, printable, shown_name
 from .worlds import PERFECT_NAME
 
 RESOURCE_SCHEME = "plannerforge://"
@@ -207,6 +208,11 @@ class RoadGeometry(Model):
         )
 
 
+def shown_path(path: Path) -> str:
+    """Return a path as answers state it: without characters that cannot be printed."""
+    return printable(str(path), kept="")
+
+
 class ExportedFile(Model):
     """One written file; ``lost`` lists what a format of another tool cannot represent.
 
@@ -222,6 +228,11 @@ class ExportedFile(Model):
         None, description="how well its roads match the scenario's; null without roads"
     )
     warning: str = ""
+
+    @classmethod
+    def of(cls, artifact_id: str, form: str, path: Path) -> "ExportedFile":
+        """Return the entry of a file that exists now."""
+        return cls(artifact_id=artifact_id, format=form, path=shown_path(path), size_bytes=path.stat().st_size)
 
     def in_words(self) -> str:
         """Return the line of an answer."""

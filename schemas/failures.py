@@ -1,6 +1,6 @@
 """The search for failures: its space, proposals, points and failures, and the tool's arguments and result."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final, Literal
 
 from pydantic import Field
@@ -273,8 +273,7 @@ _MOST_FAILURES, _MOST_STRATA = 6, 12
 def _lines(failure: FoundFailure) -> Iterator[str]:
     """Yield a failure: what was changed and its run, then how it ended and what it needs."""
     yield f"{failure.run_id} on {failure.scenario_id}: {failure.change}"
-    names = [CAREFUL_WORDS[name] for name in failure.prevented_by if name in CAREFUL_WORDS]
-    drivers = f"the {' and '.join(names)} driver{'s' * (len(names) > 1)} of UN regulation R157"
+    drivers = careful_drivers_in_words(failure.prevented_by)
     shrunk = failure.shrunk
     reduced = (
         ""
@@ -287,6 +286,12 @@ def _lines(failure: FoundFailure) -> Iterator[str]:
 
 CAREFUL_WORDS: Final[dict[str, str]] = dict(zip(CAREFUL_DRIVERS, ("careful", "fuzzy"), strict=True))
 """The careful drivers of UN regulation R157 as answers call them."""
+
+
+def careful_drivers_in_words(drivers: Iterable[str]) -> str:
+    """Return the careful drivers among drivers as text: ``the careful and fuzzy drivers of UN regulation R157``."""
+    names = [CAREFUL_WORDS[name] for name in dict.fromkeys(drivers) if name in CAREFUL_WORDS]
+    return f"the {' and '.join(names)} driver{'s' * (len(names) > 1)} of UN regulation R157"
 
 
 def _listed(words: Sequence[str]) -> str:

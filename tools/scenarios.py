@@ -26,6 +26,7 @@ async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> F
 
 async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCall) -> GenerateScenariosResult:
     """Generate scenarios from maps; a view shows the first."""
+    # The usual request, which is most of them, enters none of the search's modules.
     is_usual = arguments.criticality == "usual"
     make = generate.generate_scenarios if is_usual else critical_scenarios.generate_scenarios
     result = await make(arguments, call)

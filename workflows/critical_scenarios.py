@@ -5,7 +5,7 @@ The encounter is a point of the search that ``find_failures`` makes near the sce
 
 from ..engine.tuning import DEFAULT_CONFIGURATION
 from ..schemas.errors import NotPossible
-from ..schemas.failures import CAREFUL_WORDS, FindFailuresArguments
+from ..schemas.failures import FindFailuresArguments, careful_drivers_in_words
 from ..schemas.generation import Criticality, GenerateScenariosArguments, GenerateScenariosResult, ScenarioSummary
 from ..schemas.modification import ModifyScenarioArguments
 from .context import WorkflowContext
@@ -92,6 +92,5 @@ def _fares(encounter: Encounter) -> str:
     if not encounter.has_failed:
         gap = "" if found.least_gap_m is None else f" by {found.least_gap_m:.1f} m"
         return f"{DEFAULT_CONFIGURATION} avoids a collision{gap}"
-    names = dict.fromkeys(CAREFUL_WORDS[one.driver] for one in found.prevented_by if one.driver in CAREFUL_WORDS)
-    drivers = f"the {' and '.join(names)} driver{'s' * (len(names) > 1)} of UN regulation R157"
+    drivers = careful_drivers_in_words(one.driver for one in found.prevented_by)
     return f"{DEFAULT_CONFIGURATION} {found.reason}; {drivers} would not fail"

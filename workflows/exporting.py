@@ -28,6 +28,7 @@ from ..schemas.artifacts import (
     RunTableRequest,
     SolutionRequest,
     StepTableRequest,
+    shown_path,
 )
 from ..schemas.errors import Faults, InvalidRequest, NotPossible
 from ..schemas.measures import MeasuredValue
@@ -36,7 +37,6 @@ from ..schemas.rendering import REPORT_PICTURES, PictureKind, ReportPart, Report
 from ..schemas.results import AnalyzeResultsArguments, AnalyzeResultsResult
 from ..schemas.runs import BatchRecord, RunRecord, RunSource, configuration_id, excesses_in_words
 from ..schemas.scenarios import ScenarioRecord
-from ..schemas.text import printable
 from .analysis.comparison import compare_results
 from .analysis.figures import analyze_results
 from .context import WorkflowContext
@@ -78,7 +78,7 @@ async def export_artifacts(arguments: ExportArtifactsArguments, context: Workflo
     files += [await _write(context, export) for export in planned]
     if report is not None:
         files += await _write_report(context, artifacts, report, views)
-    return ExportArtifactsResult(folder=_shown(folder), files=tuple(files))
+    return ExportArtifactsResult(folder=shown_path(folder), files=tuple(files))
 
 
 async def _write(context: WorkflowContext, export: Export) -> ExportedFile:
@@ -94,7 +94,7 @@ async def _write(context: WorkflowContext, export: Export) -> ExportedFile:
             write_export(context.workspace, export, target)
     else:
         write_export(context.workspace, export, await _drawn(context, export) if export.is_drawn else None)
-    written = _written(export.artifact.artifact_id, export.format, export.path)
+    written = ExportedFile.of(export.artifact.artifact_id, export.format, export.path)
     if export.format == "solution" and (beyond := export.artifact.read(RunRecord).beyond_vehicle):
         return written.model_copy(update={"warning": excesses_in_words(beyond)})
     if foreign is None:
@@ -113,14 +113,6 @@ def _runs(artifact: Artifact) -> list[str]:
     if artifact.kind == "run":
         return [artifact.artifact_id]
     return list(artifact.record["runs"]) if artifact.kind == "batch" else []
-
-
-def _shown(path: Path) -> str:
-    return printable(str(path), kept="")
-
-
-def _written(artifact_id: str, form: str, path: Path) -> ExportedFile:
-    return ExportedFile(artifact_id=artifact_id, format=form, path=_shown(path), size_bytes=path.stat().st_size)
 
 
 async def _compute(context: WorkflowContext, export: Export, target: Path) -> None:
@@ -204,7 +196,7 @@ async def _write_report(
             sections += own
         else:
             write_whole(view, partial(Path.write_text, data=page, encoding="utf-8"))
-            written.append(_written(artifact.artifact_id, "view", view))
+            written.append(ExportedFile.of(artifact.artifact_id, "view", view))
             sections += [own[0].model_copy(update={"view": view.name}), *own[1:]]
         await context.progress(0.9 * (number + 1) / len(artifacts), f"report on {artifact.artifact_id}")
     request = ReportRequest(
@@ -215,7 +207,7 @@ async def _write_report(
         path=str(path),
     )
     await context.run(WRITE_REPORT, request)
-    report = _written(", ".join(artifact.artifact_id for artifact in artifacts), "html", path)
+    report = ExportedFile.of(", ".join(artifact.artifact_id for artifact in artifacts), "html", path)
     return [report.model_copy(update={"warning": "; ".join(left_out)}), *written]
 
 

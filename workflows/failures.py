@@ -231,6 +231,7 @@ class _Search:
             used += point.score.value is not None
             if point.score.cell is not None:
                 numbers.setdefault(point.score.cell, used)
+        store_configuration(self.context, self.configuration)
         failures = []
         for cell, hits in self.cells(points).items():
             failure = await self._stored(space, cell, hits, numbers[cell])
@@ -295,7 +296,6 @@ class _Search:
         )
         made = await modified_once(arguments, self.context)
         scenario_id = str(made.scenario_id)
-        store_configuration(self.context, self.configuration)
         cell = Cell(
             scenario_id,
             self.setting.problem_id,
@@ -378,14 +378,14 @@ async def most_critical(
     space = await search.open(report)
     await search.search(space, report)
     outcomes = ("safe", "failed_avoidably") if failures else ("safe",)
-    counted_points = [
+    candidates = [
         point
         for point in search.within_budget
         if point.score.value is not None and point.evaluation.outcome in outcomes
     ]
-    if not counted_points:
+    if not candidates:
         return None
-    best = min(counted_points, key=lambda point: point.score.value or 0.0)
+    best = min(candidates, key=lambda point: point.score.value or 0.0)
     stratum = next(one for one in space.strata if one.name == best.point.stratum)
     return Encounter(_change(stratum, best), best.edits, best.evaluation, search.runs)
 

@@ -3,7 +3,6 @@
 The suite's folder is complete: the scenarios, the configurations that are not presets, and the runs as the baseline.
 """
 
-import shutil
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -12,19 +11,22 @@ from typing import Any
 import yaml
 
 from ..engine.tuning import named_configuration, to_yaml
-from ..engine.workspace import Artifact, refuse_existing, write_whole
-from ..schemas.analysis.suite import SuiteBaseline
+from ..engine.workspace import Artifact, plan_exports, refuse_existing, write_export, write_whole
+from ..schemas.analysis.suite import FAILED_OUTCOMES, SuiteBaseline
 from ..schemas.artifacts import ExportedFile
 from ..schemas.errors import InvalidRequest, NotPossible
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.runs import BatchRecord, RunRecord
 from ..schemas.scenarios import ScenarioRecord
-from ..schemas.text import counted, printable
+from ..schemas.text import counted
 from .context import WorkflowContext
+from .results import run_sources
 
 SUITE_NAME, BASELINE_NAME = "suite.yaml", "baseline.json"
 _SCENARIOS = "scenarios"
-_LIMITS = ("collision <= 0 %", "off_road <= 0 %", "infeasible <= 0 %", f"nothing lost against {BASELINE_NAME}")
+_READ_AGAIN = ("xml", "net")
+"""The stored files of a scenario that an import reads."""
+_LIMITS = (*(f"{outcome} <= 0 %" for outcome in FAILED_OUTCOMES), f"nothing lost against {BASELINE_NAME}")
 """What a suite of failures demands of the next version."""
 
 
@@ -48,11 +50,12 @@ def write_suite(
     entries, weights = _configurations(configurations)
     names = {key: str(entry if isinstance(entry, str) else entry["name"]) for key, entry in entries.items()}
     tests = list(dict.fromkeys((record.scenario_id, record.problem_id) for record in records))
-    sources = {
-        f"{_SCENARIOS}/{scenario_id}{ending}": path
-        for scenario_id in dict.fromkeys(key for key, _ in tests)
-        for ending, path in _stored_files(scenario_id, context)
-    }
+    scenarios = [context.workspace.get(key, "scenario") for key in dict.fromkeys(key for key, _ in tests)]
+    planned = [
+        export
+        for export in plan_exports(context.workspace, scenarios, (), folder / _SCENARIOS)
+        if export.format in _READ_AGAIN
+    ]
     suite: dict[str, Any] = {
         "name": counted(len(tests), "recorded test"),
         "scenarios": [_scenario(*test, context) for test in tests],
@@ -73,32 +76,27 @@ def write_suite(
         **weights,
     }
     if not overwrite:
-        refuse_existing([folder / name for name in (*texts, *sources)])
-    first = artifacts[0].artifact_id
+        refuse_existing([*(folder / name for name in texts), *(export.path for export in planned)])
     written = []
     for name, text in texts.items():
         write_whole(folder / name, partial(Path.write_text, data=text, encoding="utf-8"))
-        written.append(_file(first, folder / name))
-    for name, path in sources.items():
-        write_whole(folder / name, partial(_copy, source=path))
-        written.append(_file(Path(name).name.partition(".")[0], folder / name))
+        written.append(ExportedFile.of(artifacts[0].artifact_id, "suite", folder / name))
+    for export in planned:
+        write_export(context.workspace, export)
+        written.append(ExportedFile.of(export.artifact.artifact_id, "suite", export.path))
     return written
 
 
 def _records(artifacts: Sequence[Artifact], context: WorkflowContext) -> list[RunRecord]:
     """Return the attempted runs of runs and batches, each once."""
-    records: dict[str, RunRecord] = {}
+    run_ids: list[str] = []
     for artifact in artifacts:
-        if artifact.kind == "run":
-            records[artifact.artifact_id] = artifact.read(RunRecord)
-        elif artifact.kind == "batch":
-            for run_id in artifact.read(BatchRecord).runs:
-                records[run_id] = context.workspace.get(run_id, "run").read(RunRecord)
-        else:
+        if artifact.kind not in ("run", "batch"):
             raise InvalidRequest(
                 f"a suite repeats runs, and {artifact.artifact_id} is a {artifact.kind}", valid=["run ids", "batch ids"]
             )
-    attempted = [record for record in records.values() if record.outcome != "invalid"]
+        run_ids += [artifact.artifact_id] if artifact.kind == "run" else artifact.read(BatchRecord).runs
+    attempted = [run.record for run in run_sources(run_ids, context) if run.record.outcome != "invalid"]
     if not attempted:
         raise NotPossible("no run to repeat: all are invalid", next_step="run_planner on scenarios that can be run")
     return attempted
@@ -138,25 +136,8 @@ def _configurations(
     return entries, files
 
 
-def _stored_files(scenario_id: str, context: WorkflowContext) -> list[tuple[str, Path]]:
-    """Return the stored files of a scenario that an import reads, with the endings that it expects."""
-    xml = context.workspace.file("scenario", scenario_id, "scenario.xml")
-    net = xml.with_name("scenario.net.xml")
-    return [(".xml", xml), *([(".net.xml", net)] if net.is_file() else [])]
-
-
 def _scenario(scenario_id: str, problem_id: int, context: WorkflowContext) -> dict[str, Any]:
     """Return the suite's entry of a test; a file with one planning problem needs no number."""
     file = f"{_SCENARIOS}/{scenario_id}.xml"
     egos = context.workspace.get(scenario_id, "scenario").read(ScenarioRecord).facts.egos
     return {"files": file if len(egos) == 1 else {"path": file, "problem": problem_id}}
-
-
-def _copy(target: Path, source: Path) -> None:
-    shutil.copyfile(source, target)
-
-
-def _file(artifact_id: str, path: Path) -> ExportedFile:
-    return ExportedFile(
-        artifact_id=artifact_id, format="suite", path=printable(str(path), kept=""), size_bytes=path.stat().st_size
-    )

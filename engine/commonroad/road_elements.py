@@ -170,7 +170,7 @@ class RoadDocument:
 
     @cached_property
     def driven(self) -> tuple[LaneletElement, ...]:
-        """The lanelets whose bounds form an area (``is_drawn``), except footways.
+        """The lanelets with bounds that form an area (``is_drawn``), except footways.
 
         On footways, pedestrians walk in any direction and turn on the spot.
         """

@@ -1,4 +1,4 @@
-"""Warm worker processes, each of which runs one engine operation at a time.
+"""Warm worker processes. Each worker runs one engine operation at a time.
 
 There are two lanes: ``compute`` for SUMO, planners, files and pictures, and ``retrieval`` for the single process with
 the embedding model, which takes seconds to import and hundreds of megabytes.

@@ -103,9 +103,9 @@ class Point:
 class Score:
     """The score of a point; lower scores are nearer to a failure. ``value``: 0 at the edge of failing, 1 if nothing
     comes near; None if the planner was not run, which costs no run: the point is implausible, or, if its demand is
-    known, the planner need not react there. ``cell``: the cell of the failure, if it is a
-    failure of the kind that the search looks for; otherwise None. ``demand``: 1 if the planner has to react there
-    and could, 0.5 if it could not, 0 if it need not; None if unknown.
+    known, the planner need not react there. ``cell``: the cell of the failure, if it is a failure of the kind that
+    the search looks for; otherwise None. ``demand``: 1 if the planner has to react there and could, 0.5 if it could
+    not, 0 if it need not; None if unknown.
     """
 
     value: float | None

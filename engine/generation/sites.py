@@ -795,7 +795,7 @@ class SiteFocus:
         return f"{who} {self._name} of the site; a goal farther ahead or another seed may change this"
 
     def left_the_street(self, *, only_car: bool) -> str:
-        """Return the note on an ego that drives beside the requested street; ``only_car``: no other could be chosen."""
+        """Return the note on an ego that leaves the requested street; ``only_car``: no other could be chosen."""
         who = "the ego's route to its goal" if only_car else "the route of every car with a goal like this"
         return f"{who} is not on the requested street; another seed or goal may change this"
 

@@ -162,7 +162,7 @@ def _country_among(
 
 
 def country_at(osm: OsmMap, position: tuple[float, float], country: str | None) -> str | None:
-    """Return the country (ISO 3166-1 alpha-3) at a latitude and longitude on a map, whose main country is given.
+    """Return the country (ISO 3166-1 alpha-3) at a latitude and longitude on a map with a main country.
 
     A country is certain if no other is near, or if both the border and the nearest settlements say so. Otherwise, and
     on a map that is not in its stated country, such as an invented one, it is the main country.

@@ -91,7 +91,7 @@ class SuiteCase(Model):
 class SuiteProgress(Model):
     """Which failures of a baseline's runs a configuration no longer has, still has, or has anew, by scenario.
 
-    A run fails if it ends in one of ``FAILURES``. Scenarios that only one side ran are left out.
+    A run fails if it ends in one of ``FAILED_OUTCOMES``. Scenarios that only one side ran are left out.
     """
 
     configuration: str
@@ -107,7 +107,7 @@ class SuiteProgress(Model):
         return f"{self.configuration} since {self.baseline}: {', '.join(parts)}"
 
 
-FAILURES: Final = frozenset({"collision", "off_road", "infeasible"})
+FAILED_OUTCOMES: Final[tuple[Outcome, ...]] = ("collision", "off_road", "infeasible")
 """Outcomes that count as a failure of the planner when runs are compared with a baseline."""
 _MOST_NAMED = 2
 

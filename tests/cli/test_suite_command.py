@@ -120,6 +120,7 @@ def test_limits_decide_the_exit_code_and_every_file_agrees(workspace: Path, tmp_
         ({"scenarios": ["preset:1", {"generate": "one"}]}, "scenario 2: generate: 'one' is not a mapping"),
         ({"configurations": [{"name": "a", "wieghts": ["x=1"]}]}, "suite.yaml, configuration 1"),
         ({"scenarios": [{"find": {"obstacles": ["bus>=500"]}}]}, "no scenario meets"),
+        ({"configurations": [{"file": "gone.yaml"}]}, "no weight file 'gone.yaml'"),
         ({"configurations": ["frenetix:Nobody"]}, "no preset 'Nobody'"),
         ({"configurations": ["idm:Default", "idm:Default"]}, "two configurations"),
         ({"limits": ["not worse than gone.json"]}, "--save-baseline gone.json"),

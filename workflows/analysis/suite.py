@@ -12,7 +12,7 @@ from ...engine.tuning import from_file, read_weight_file
 from ...engine.workspace import Workspace
 from ...schemas.analysis.comparison import CompareRequest, Side, SuccessTest
 from ...schemas.analysis.suite import (
-    FAILURES,
+    FAILED_OUTCOMES,
     LimitVerdict,
     Suite,
     SuiteBaseline,
@@ -128,9 +128,9 @@ def _progress(
 ) -> Iterable[SuiteProgress]:
     """Yield for each configuration and baseline which scenarios' failures are fixed, left or new."""
     for name, group in groups.items():
-        now = {_pair(one.record): one.record.outcome in FAILURES for one in group if one.record is not None}
+        now = {_pair(one.record): one.record.outcome in FAILED_OUTCOMES for one in group if one.record is not None}
         for word, baseline in baselines.items():
-            before = {_pair(source.record): source.record.outcome in FAILURES for source in baseline.of(name)}
+            before = {_pair(source.record): source.record.outcome in FAILED_OUTCOMES for source in baseline.of(name)}
             changes = [(key[0], before[key], fails) for key, fails in now.items() if key in before]
             if changes:
                 yield SuiteProgress(
@@ -195,7 +195,10 @@ async def _configurations(suite: Suite, folder: Path, context: WorkflowContext) 
 def _weight_file(entry: SuiteWeightFile, folder: Path, context: WorkflowContext) -> PlannerConfiguration:
     path = context.allowed_path(str(folder / entry.file))
     if not path.is_file():
-        raise UnknownName(f"there is no weight file {quoted(entry.file)} next to the suite")
+        raise UnknownName(
+            f"there is no weight file {quoted(entry.file)} next to the suite",
+            next_step="correct its path, or write one with export_artifacts, formats ['yaml'], of a configuration",
+        )
     return from_file(read_weight_file(path))
 
 

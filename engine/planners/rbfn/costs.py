@@ -7,9 +7,9 @@ channel takes a ``ChannelBatch`` and returns costs of shape (n,):
 - ``velocity_offset_final``: squared difference from the desired speed at the last step, divided by (5 m/s)²;
 - ``orientation_offset``: mean squared angle to the path, divided by (0.5 rad)²; ``…_final``: at the last step;
 - ``prediction``: the sum over the predicted obstacles of (2 / d)², at most 1 each. d is the smallest Mahalanobis
-  distance to the obstacle over the steps. It combines the prediction's uncertainty with the bodies: an ellipse whose
-  semi-axes are the sum of the half lengths and that of the half widths counts as two standard deviations, so the bodies
-  touch at d = 2;
+  distance to the obstacle over the steps. It combines the prediction's uncertainty with the bodies. Two
+  standard deviations are an ellipse with the sum of the half lengths and the sum of the half widths as semi-axes, so
+  the bodies touch at d = 2;
 - ``distance_to_boundary``: mean inverse squared distance of the ego's side to the edge of the road, divided by
   (0.5 m)², at most 1.
 """
