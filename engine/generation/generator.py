@@ -42,7 +42,7 @@ from .record import absences_of, record_of, with_scripted
 from .site_network import SITE_LOST, SiteNetwork, prepare_site, with_later_lights
 from .sites import fitting_sites, lacking_turn, other_types
 from .traffic import NO_ROOM, TrafficAim, along_the_site, generate_traffic, without_spares
-from .turning_trips import needed_s, possible_turns
+from .turning_trips import has_ways, needed_s, possible_turns
 from .writer import STEP_S, write_scenario
 
 logger = logging.getLogger(__name__)
@@ -212,7 +212,7 @@ class _Attempts:
                 break
         is_sought = bool(fit) and self._requested is not None and all(attempt.lacks for attempt in self.made)
         is_full = any(refusal.reason == NO_ROOM for refusal in self.refusals)
-        is_routed = self._lacks_turn() and fit[0][0].focus.ways is not None  # more chance traffic hardly helps
+        is_routed = self._lacks_turn() and has_ways(fit[0][0].focus)  # more chance traffic hardly helps
         if (len(fit) == 1 or is_sought) and few is None and not is_full and not is_routed:
             self._is_done(*fit[0], range(OWN_ROUNDS, MOST_ROUNDS))
 

@@ -42,7 +42,7 @@ from .flows import FlowPlan, FlowTrips, plan_flows
 from .people import pedestrians_for, people_among, target_pedestrians
 from .site_network import SiteNetwork
 from .sites import middle_of, road_classes
-from .turning_trips import TurningTrips
+from .turning_trips import TurningTrips, has_ways
 from .writer import STEP_S
 
 logger = logging.getLogger(__name__)
@@ -138,7 +138,7 @@ def generate_traffic(
         seed = _mixed_seed(request.seed, request.index, attempt + ATTEMPTS * round_number)
         choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
         trips = _trips(request, aim, site.net, lasting_s, choice)
-        if aim.turning and aim.plan is None and site.focus.ways is not None:  # not if the site is a road or a ramp
+        if aim.turning and aim.plan is None and has_ways(site.focus):
             ego_class = vehicle_classes()[demand.ego_class]
             most_late = demand.counts[demand.ego_class] + EGO_CANDIDATES
             trips = TurningTrips(

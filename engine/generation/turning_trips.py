@@ -17,7 +17,7 @@ from ..traffic import LAST_INSERTION_S, WARM_UP_S, LateTrip, OpenEdges, TripMake
 from ..vehicles import VehicleClass
 from .site_ways import direction_rad
 from .sites import SiteFocus
-from .turns import ASIDE_RAD, CORNER_M
+from .turns import ASIDE_RAD, CORNER_M, ramp_ways
 
 TURNING_SHARE = 0.5
 """Share of the trips of the ego's class that make the turn (chosen): the ego must interact with the others."""
@@ -39,6 +39,11 @@ def possible_turns(net: SumoNet, focus: SiteFocus, sumo_class: str) -> frozenset
     return frozenset(turns | ({"unprotected_left"} if "left" in turns else set()))
 
 
+def has_ways(focus: SiteFocus) -> bool:
+    """Return whether vehicles can be routed along the ways of a site: it is a junction, a roundabout or a ramp."""
+    return focus.ways is not None or focus.kind == "ramp"
+
+
 def needed_s(net: SumoNet, focus: SiteFocus, turn: Turn | None, sumo_class: str) -> float:
     """Return how long a recording of a turn at a site must last for a SUMO class; 0 if no route makes the turn.
 
@@ -52,8 +57,10 @@ def needed_s(net: SumoNet, focus: SiteFocus, turn: Turn | None, sumo_class: str)
 def _ways_of(focus: SiteFocus, turn: Turn | None, edges: OpenEdges) -> tuple[tuple[str, ...], ...]:
     """Return the ways through a site that make a turn, or all ways without a turn.
 
-    There is no way if the site is a road or ramp.
+    A ramp only has ways for "merge" and "exit", and a road has none.
     """
+    if focus.kind == "ramp":
+        return () if turn is None else tuple(ramp_ways(turn, focus.net, edges))
     wanted = "left" if turn == "unprotected_left" else turn
     ways = () if focus.ways is None else focus.ways.through(edges)
     return tuple(way for made, way in ways if wanted is None or made == wanted)

@@ -19,7 +19,7 @@ from ...schemas.generation import Turn
 from ..geometry import Values, arc_length, length_m, wrap_angle
 from ..maps import FAST_ROADS, RAMP_LINKS
 from ..network import Digraph, LaneletLookup, RoadLanelet, RoadNetwork, SumoNet
-from ..traffic import GeneratedVehicle
+from ..traffic import GeneratedVehicle, OpenEdges
 from .site_ways import SiteWays, turn_of
 from .sites import SiteFocus, road_classes
 
@@ -35,6 +35,8 @@ CORNER_M = 20.0
 """A road's own curves are longer than a turn at a junction of streets (chosen)."""
 SEEN_EVERY = 5
 """Steps (0.5 s) between two samples of the lanelet under a car."""
+MOST_ON_RAMP = 12
+"""Maximum number of edges of a way along links (chosen), as inside a site (``site_ways``)."""
 FARTHEST_HOPS = 4
 """Maximum number of lanelets that a car passes between two samples: inside junctions they are short."""
 
@@ -271,6 +273,28 @@ def _leads_along_main_road(edge: str, other: str, net: SumoNet) -> bool:
         if turn.from_edge in main and turn.to_edge in main:
             onward.setdefault(turn.from_edge, []).append((turn.to_edge, 1.0))
     return other in Digraph[str](lambda key: onward.get(key, ())).reachable([edge])
+
+
+def ramp_ways(turn: Turn, net: SumoNet, edges: OpenEdges) -> Iterator[tuple[str, ...]]:
+    """Yield the ways of a class of vehicles along links, onto or off the main roads of a net.
+
+    A way begins with the edge before the links and ends with the edge after them, if there are such edges. Only the
+    turns "merge" and "exit" have such ways.
+    """
+    if turn not in ("merge", "exit"):
+        return
+    links = {edge for edge in edges.following if road_classes(net.edges[edge]) & RAMP_LINKS}
+    led_to = {edge for onward in edges.following.values() for edge in onward}
+    waiting = [(edge,) for edge in sorted(links - led_to)]
+    for edge in sorted(edges.following.keys() - links):
+        waiting += [(edge, onward) for onward in edges.following[edge] if onward in links]
+    while waiting:
+        way = waiting.pop()
+        onward = [edge for edge in edges.following[way[-1]] if edge not in way]
+        if way[-1] in links and onward:
+            waiting += [(*way, edge) for edge in onward] if len(way) < MOST_ON_RAMP else []
+        elif _RAMP[turn](list(way), net):
+            yield way
 
 
 def _stays_on_main_road(edges: list[str], net: SumoNet) -> bool:

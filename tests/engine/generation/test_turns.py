@@ -18,7 +18,7 @@ from plannerforge.engine.generation.site_network import prepare_site
 from plannerforge.engine.generation.site_ways import SiteWays
 from plannerforge.engine.generation.sites import fitting_sites
 from plannerforge.engine.generation.turning_trips import TurningTrips
-from plannerforge.engine.generation.turns import leads_without_change
+from plannerforge.engine.generation.turns import leads_without_change, ramp_ways
 from plannerforge.engine.maps import read_map_file
 from plannerforge.engine.network.net_parser import read_net
 from plannerforge.engine.network.netconvert import convert_osm
@@ -84,6 +84,41 @@ def test_every_route_over_a_crossing_is_known_with_its_turn(tmp_path: Path) -> N
     ways = list(SiteWays(net, frozenset({"1"})).through(OpenEdges.of(net, "passenger")))
     assert Counter(turn for turn, _ in ways) == {"left": 4, "right": 4, "straight": 4}
     assert ("left", ("20", "-50")) in ways
+
+
+def test_every_way_on_and_off_a_main_road_is_known(tmp_path: Path) -> None:
+    nodes = {
+        "1": (-200, 0),
+        "2": (0, 0),
+        "3": (200, 0),
+        "4": (300, -40),
+        "5": (400, 0),
+        "6": (600, 0),
+        "7": (300, -140),
+    }
+    places = [f'<node id="{k}" lat="{y / 111195:.7f}" lon="{x / 111195:.7f}"/>' for k, (x, y) in nodes.items()]
+    tag = '<tag k="highway" v="{}"/><tag k="oneway" v="yes"/>'
+    drawn = {"10": ("1", "2", "motorway"), "20": ("2", "3", "motorway"), "30": ("3", "5", "motorway")}
+    drawn |= {"40": ("5", "6", "motorway"), "50": ("2", "4", "motorway_link"), "60": ("4", "5", "motorway_link")}
+    drawn |= {"70": ("4", "7", "secondary")}
+    roads = [
+        f'<way id="{key}"><nd ref="{start}"/><nd ref="{end}"/>{tag.format(kind)}</way>'
+        for key, (start, end, kind) in drawn.items()
+    ]
+    (tmp_path / "site.osm").write_text(f'<osm version="0.6">{"".join([*places, *roads])}</osm>')
+    convert_osm(tmp_path / "site.osm", tmp_path / "site.net.xml", lefthand=False)
+    net = read_net(tmp_path / "site.net.xml")
+    edges = OpenEdges.of(net, "passenger")
+    assert list(ramp_ways("exit", net, edges)) == [("10", "50", "70")]
+    assert list(ramp_ways("merge", net, edges)) == []  # 10, 50, 60, 40 leaves the motorway and comes back to it
+    assert list(ramp_ways("straight", net, edges)) == []
+
+
+@pytest.mark.parametrize("turn", ["exit", "merge"])
+def test_a_ramp_that_no_drawn_car_takes_is_driven_all_the_same(tmp_path: Path, turn: str) -> None:
+    made = make("Neuland", tmp_path, goal=f"through:{turn}", vehicles=ONE_CAR, duration_s=12.0, seed=3)
+    assert made.site.scenario_type == "ramp"
+    assert any(f"turn '{turn}'" in note for note in made.notes)
 
 
 def test_a_turn_alone_chooses_a_type_of_site_that_has_it(tmp_path: Path) -> None:
