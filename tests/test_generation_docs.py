@@ -51,7 +51,7 @@ def test_the_densities_match_the_code() -> None:
     assert f"at least {FEWEST} and at most {MOST} on a site" in PAGE
     assert f"At most {MOST_VEHICLES} vehicles" in PAGE
     assert f"({MOST_STATES:,} states in one file)" in PAGE
-    assert f"SUMO drives for {WARM_UP_S:g} s" in PAGE
+    assert f"SUMO simulates {WARM_UP_S:g} s" in PAGE
 
 
 def test_every_class_is_listed_with_its_type_and_size() -> None:
@@ -84,4 +84,4 @@ def test_the_limits_match_the_code() -> None:
     assert f"at most {LARGEST_BYTES / 1e6:g} MB" in PAGE
     assert f"more than {LIMITS.elements:,} elements" in PAGE
     assert f"within {MERGE_M:g} m are one" in PAGE
-    assert f"or {SIGNAL_REACH_M:g} m after each of two" in PAGE
+    assert f"or at most {SIGNAL_REACH_M:g} m after each of two" in PAGE
