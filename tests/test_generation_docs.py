@@ -84,4 +84,4 @@ def test_the_limits_match_the_code() -> None:
     assert f"at most {LARGEST_BYTES / 1e6:g} MB" in PAGE
     assert f"more than {LIMITS.elements:,} elements" in PAGE
     assert f"within {MERGE_M:g} m are one" in PAGE
-    assert f"or at most {SIGNAL_REACH_M:g} m after each of two" in PAGE
+    assert f"or at most {SIGNAL_REACH_M:g} m after two or more signals" in PAGE
