@@ -41,6 +41,7 @@ from .naming.spellings import (
     has_same_numbers,
     initials_of_network,
     is_class_of_roads,
+    is_joined_by_particle,
     is_one_number,
     is_only_a_kind,
     is_section,
@@ -950,7 +951,9 @@ def _read_with_postcode(part: str, facts: MapFacts, closeness: Closeness) -> _Re
     Only a text behind a road can be read so: the road of ``A40 London`` is no postcode.
     """
     town = _POSTCODE.sub("", part)
-    if town == part or names_a_street(town):
+    head, _, state = town.rpartition(" ")
+    named = head if _is_state_code(state, facts) else town
+    if town == part or names_a_street(named):
         return None
     found = _read_place(town, facts) or _read_together(town, facts, Closeness.SAME)
     found = found or _read_alike(town, facts, min(closeness, Closeness.KNOWN), wide=True)
@@ -1052,6 +1055,11 @@ def _is_in_state(part: str, facts: MapFacts) -> bool:
     """Return whether the text is a state or province that the map is in."""
     middle = (facts.south + facts.north) / 2, (facts.west + facts.east) / 2
     return any(region_of(part, country, *middle) for country in _countries(facts))
+
+
+def _is_state_code(word: str, facts: MapFacts) -> bool:
+    """Return whether a word is the code of the map's state, and no kind of road (``New Haven CT`` is no court)."""
+    return word.isupper() and _is_in_state(word, facts)
 
 
 def _is_outside(part: str, facts: MapFacts) -> bool:
@@ -1255,10 +1263,11 @@ def _read_other_kind(part: str, facts: MapFacts) -> _Reading | None:
 def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:
     """Read the text as a road and a place side by side (``I-5 Seattle``, ``上海中山北路``), in either order."""
     for head, tail in _splits(text):
-        if is_only_a_kind(head) or is_only_a_kind(tail):  # ``Massachusetts Avenue`` is not an avenue in Massachusetts
-            continue
+        if is_only_a_kind(head) or (is_only_a_kind(tail) and not _is_state_code(tail, facts)):
+            continue  # ``Massachusetts Avenue`` is not an avenue in Massachusetts
         if (one := _read_road(head, facts, whole=True)) and (other := _read_road(tail, facts, whole=True)):
             return one + other
+        whole = is_joined_by_particle(head, tail)  # ``Praia da Barra`` is one name, not half a road in Barra
         for first, second in ((head, tail), (tail, head)):
             if len(second) < 3 and second.isascii() and not second.isupper():
                 continue
@@ -1266,7 +1275,7 @@ def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading
             if place is not None and place.around:  # ``Mountain View CA``: a town, and not the avenue of its name
                 rest = _read_whole(first, facts)
             else:
-                rest = _read_road(first, facts) or _read_place(first, facts)
+                rest = _read_road(first, facts, whole=whole) or _read_place(first, facts)
             if rest is None and place is not None:
                 rest = _read_together(first, facts, closeness)
             if rest is None and place is None and closeness is Closeness.PART and len(text.split()) <= _FEW_WORDS:
@@ -1274,11 +1283,18 @@ def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading
             if place is None and rest is not None and rest.streets:
                 place = _read_alike(second, facts, closeness, wide=True)
             elif place is not None and rest is None:
-                rest = _read_crossing(first, facts, closeness)
-                rest = rest or _read_alike(first, facts, closeness, settled=True)
+                level = min(closeness, Closeness.HEARD) if whole else closeness
+                rest = _read_crossing(first, facts, level) or _read_alike(first, facts, level, settled=True)
             if place is not None and rest is not None:
                 return place + rest if first == tail else rest + place
+            if whole and first == head and closeness is Closeness.PART and _is_named_by(place, first, facts):
+                return place
     return None
+
+
+def _is_named_by(place: _Reading | None, words: str, facts: MapFacts) -> bool:
+    """Return whether a place on the map can have words before its name (``Praia da``), which then name no street."""
+    return place is not None and place.area is not None and not (_is_whole(place.area, facts) or names_a_street(words))
 
 
 def _read_roads_in_a_phrase(text: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:

@@ -436,6 +436,12 @@ def without_particles(words: Sequence[str]) -> tuple[str, ...]:
     return tuple(word for word in words if word not in _PARTICLES) or tuple(words)
 
 
+def is_joined_by_particle(head: str, tail: str) -> bool:
+    """Return whether an article or a word for "of" stands between two parts of a text (``Praia da``, ``Barra``)."""
+    before, after = words_of_name(head), words_of_name(tail)
+    return (len(before) > 1 and before[-1] in _PARTICLES) or (len(after) > 1 and after[0] in _PARTICLES)
+
+
 def _split(name: str) -> list[str]:
     name = _ORDINAL_MARK.sub(" ", name)
     plain = re.sub(r"['’ʼ`´]", "", _CONTRACTED.sub(r"\1\2", name.casefold())).replace("&", " and ")

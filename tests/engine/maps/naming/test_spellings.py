@@ -506,6 +506,7 @@ def test_another_road_number_or_state_is_refused(entry: MapEntry, words: str) ->
         (a_town("Berlin", "DEU", (52.52, 13.4), "Torstraße"), "Torstr., D-10119 Berlin"),
         (a_town("Paris", "FRA", (48.86, 2.35), "Rue de Rivoli"), "Rue de Rivoli, 75004 Paris"),
         (MOUNTAIN_VIEW, "Castro St, Mountain View CA 94043"),
+        (a_town("New Haven", "USA", (41.31, -72.93), "Crown Street"), "Crown St, New Haven CT 06510"),  # CT: Court too
         (a_town("Amsterdam", "NLD", (52.37, 4.9), "Damrak"), "Damrak, 1012 LG Amsterdam"),
         (a_town("Toronto", "CAN", (43.65, -79.38), "King Street West"), "King St W, Toronto ON M5V 2T6"),
         (a_town("Praha", "CZE", (50.08, 14.43), "Vodičkova"), "Vodičkova, 110 00 Praha"),
@@ -516,6 +517,25 @@ def test_another_road_number_or_state_is_refused(entry: MapEntry, words: str) ->
 def test_a_postcode_beside_the_town_of_a_road_is_not_used(entry: MapEntry, words: str) -> None:
     (match,) = find_maps([entry], place=words)
     assert (match.streets, match.unnamed) == ((entry.facts.streets,), ())
+
+
+GAFANHA = PlaceArea(name="Gafanha", kind="town", latitude=40.63, longitude=-8.73, radius_m=1500.0)
+BARRA = PlaceArea(name="Barra", kind="village", latitude=40.64, longitude=-8.75, radius_m=500.0)
+ILHAVO = a_town("Ílhavo", "PRT", (40.63, -8.74), "Rua da Praia")
+ILHAVO = replace(
+    ILHAVO, facts=ILHAVO.facts.model_copy(update={"places": ("Ílhavo", "Barra"), "areas": (GAFANHA, BARRA)})
+)
+
+
+def test_words_before_the_name_of_a_place_are_not_half_a_road() -> None:
+    (match,) = find_maps([ILHAVO], place="Praia da Barra, Ílhavo")
+    assert (match.streets, match.unnamed, match.area) == ((), (), BARRA)
+    assert roads(ILHAVO, "Rua da Praia da Barra") == [("Rua da Praia",)]
+
+
+def test_a_street_before_the_name_of_a_place_must_be_on_the_map() -> None:
+    with pytest.raises(UnknownName):
+        find_maps([ILHAVO], place="Rua Inventada da Barra, Ílhavo")
 
 
 @pytest.mark.parametrize("words", ["A40 London", "Broadwick Street, Paris W1", "Broadwick Street, Leeds LS1 4AP"])
