@@ -46,7 +46,8 @@ NZL 50 100 100 | ARG 60 110 130 | CHL 50 100 120 | ALB 40 80 110 | BIH 50 80 130
 """By country the limits in km/h in towns, outside and on motorways: "Speed limits by country" of Wikipedia
 (https://en.wikipedia.org/wiki/Speed_limits_by_country), and the traffic law of countries for which it gives a range.
 """
-_LATITUDE, _LONGITUDE, _STEP_M = 48.1, 11.5, 100.0
+_LATITUDE, _LONGITUDE, _STEP_M = 54.6, 5.2, 100.0
+"""A place in the North Sea, so that no settlement known to the product decides whether a drawn road is in a town."""
 _ARMS = {"west": (-1, 0), "east": (1, 0), "south": (0, -1), "north": (0, 1)}
 _SHOWN = 12
 _ASIDE_M = 0.3
