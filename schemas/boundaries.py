@@ -25,7 +25,9 @@ LATTICE: Final = 64
 class ExploreBoundaryArguments(Arguments):
     """Map where a planner begins to fail: two parameters of a logical scenario, refined at the edges (job)."""
 
-    scenario: str = Field("lead_braking", description="logical scenario: lead_braking, cut_in …, or a YAML file")
+    scenario: str = Field(
+        "lead_braking", description="logical scenario: lead_braking, nhtsa:18 …, or a .yaml or .xosc file"
+    )
     over: list[str] = Field(
         [], description="two as 'headway_s=0.5..2.5', others fixed 'ego_speed_mps=20' or in slices '15,25'"
     )

@@ -113,6 +113,31 @@ class LogicalScenario(Model):
         return next(one for one in self.parameters if one.name == name)
 
 
+class PreCrashType(Model):
+    """A type of NHTSA's pre-crash typology of light vehicles (DOT HS 810 767, 2007).
+
+    ``crashes``: in the United States in a year (General Estimates System, 2004). ``percent``: their share of all
+    crashes. ``scenarios``: the logical scenarios with this encounter, the usual one first. ``reason``: why there is no
+    such logical scenario.
+    """
+
+    number: int = Field(ge=1, le=37)
+    name: str
+    crashes: int
+    percent: float
+    scenarios: tuple[str, ...] = ()
+    reason: str = ""
+
+    def in_words(self) -> str:
+        """Return the name, the share of crashes, and the logical scenarios or the reason why there is no such one."""
+        return f"{self.name} ({self.percent:.2f} % of crashes): {', '.join(self.scenarios) or self.why_not}"
+
+    @property
+    def why_not(self) -> str:
+        """The reason why there is no logical scenario, as a phrase."""
+        return f"not covered, because {self.reason}"
+
+
 class EncounterSetting(Model):
     """The data that all points of an exploration share, as a worker receives it.
 

@@ -15,7 +15,7 @@ import anyio
 
 from ..engine.catalog import open_catalogue
 from ..engine.execution import JobProgress
-from ..engine.exploration import ROADS, BoundarySearch, area_of, concrete_edits
+from ..engine.exploration import ROADS, BoundarySearch, area_of, concrete_edits, pre_crash_type
 from ..engine.workspace import Artifact, Recipe, append_text, versions_of
 from ..schemas.boundaries import (
     LATTICE,
@@ -117,10 +117,10 @@ async def explore_boundary(arguments: ExploreBoundaryArguments, context: Workflo
         InvalidRequest: the number of parameters left to map is not two, or a value cannot be parsed.
     """
     plan = await _plan(arguments, context)
-    recipe = plan.recipe()
+    recipe, asked = plan.recipe(), arguments.scenario
     stored = context.workspace.find_by_recipe("boundary", recipe)
     if stored is not None:
-        return await _finished(stored.read(BoundaryRecord), context)
+        return await _finished(stored.read(BoundaryRecord), context, asked)
 
     async def work(progress: JobProgress) -> None:
         own = WorkflowContext(context.services)
@@ -136,7 +136,7 @@ async def explore_boundary(arguments: ExploreBoundaryArguments, context: Workflo
     job = await context.wait_for(job.job_id, arguments.wait_s)
     stored = context.workspace.find_by_recipe("boundary", recipe)
     if stored is not None:
-        return await _finished(stored.read(BoundaryRecord), context)
+        return await _finished(stored.read(BoundaryRecord), context, asked)
     return ExploreBoundaryResult(
         state=job.state,
         job_id=job.job_id,
@@ -403,7 +403,8 @@ def _key(configuration: PlannerConfiguration, at: dict[str, float], place: tuple
     return json.dumps([configuration.config_id, sorted(at.items()), place])
 
 
-async def _finished(record: BoundaryRecord, context: WorkflowContext) -> ExploreBoundaryResult:
+async def _finished(record: BoundaryRecord, context: WorkflowContext, asked: str = "") -> ExploreBoundaryResult:
+    """Return the result of a stored map; ``asked``: the name by which its logical scenario was requested."""
     context.made("boundary", record.boundary_id)
     examples = []
     for one in record.maps:
@@ -420,7 +421,7 @@ async def _finished(record: BoundaryRecord, context: WorkflowContext) -> Explore
     return ExploreBoundaryResult(
         state="done",
         boundary_id=record.boundary_id,
-        headline=_headline(record),
+        headline=_headline(record, asked),
         maps=tuple(_summary(one) for one in record.maps),
         examples=tuple(examples),
         implausible=tuple(f"{reason} ({count})" for reason, count in reasons.most_common(_SHOWN_REASONS)),
@@ -429,9 +430,15 @@ async def _finished(record: BoundaryRecord, context: WorkflowContext) -> Explore
     ).with_record(record)
 
 
-def _headline(record: BoundaryRecord) -> str:
+def _headline(record: BoundaryRecord, asked: str) -> str:
     ranges = (f"{axis.name} {axis.low:g} to {axis.high:g} {axis.unit}".rstrip() for axis in record.axes)
-    return f"{record.scenario.name} over {' × '.join(ranges)}, on {record.base_id}"
+    mapped = f"{record.scenario.name} over {' × '.join(ranges)}, on {record.base_id}"
+    found = pre_crash_type(asked)
+    if found is None:
+        return mapped
+    others = [name for name in found.scenarios if name != record.scenario.name]
+    also = f", also in {' and '.join(others)}" if others else ""
+    return f"{mapped} (NHTSA's type {found.number}, {found.name.lower()}, {found.percent:.2f} % of crashes{also})"
 
 
 def _summary(one: BoundaryMap) -> MapSummary:

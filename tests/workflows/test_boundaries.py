@@ -7,15 +7,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from support.tree import CHECKOUT
 
 from benchmarks.harness import call_in_process
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.exploration.logical import catalogue
 from plannerforge.engine.planners.runs import run_planner
 from plannerforge.engine.workspace import Workspace
 from plannerforge.schemas.boundaries import BoundaryRecord, ExploreBoundaryArguments, PointsRequest
-from plannerforge.schemas.errors import InvalidRequest, ResourceFailure, UnknownName
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, ResourceFailure, UnknownName
 from plannerforge.schemas.modification import ModifyScenarioArguments
 from plannerforge.schemas.planning import RunRequest
 from plannerforge.schemas.rendering import RenderArguments
@@ -136,6 +134,8 @@ async def test_a_map_is_drawn(context: WorkflowContext) -> None:
     ("given", "error"),
     [
         ({"scenario": "cut_inn"}, UnknownName),
+        ({"scenario": "nhtsa:1"}, NotPossible),
+        ({"scenario": "nhtsa:40"}, UnknownName),
         ({"over": ["gap=4..9"]}, UnknownName),
         ({"over": ["gap_m=9..4"]}, InvalidRequest),
         ({"over": ["gap_m=5", "closing_mps=3", "lateral_mps=1"]}, InvalidRequest),
@@ -151,6 +151,10 @@ async def test_what_cannot_be_mapped_is_refused(
         await boundaries._plan(ExploreBoundaryArguments(**{**SMALL, **given}), context)
 
 
-def test_every_logical_scenario_is_documented() -> None:
-    page = (CHECKOUT / "docs" / "boundaries.md").read_text(encoding="utf-8")
-    assert [name for name in catalogue() if f"| `{name}` |" not in page] == []
+@pytest.mark.anyio
+async def test_a_map_of_a_pre_crash_type_names_the_type_and_its_other_scenarios(context: WorkflowContext) -> None:
+    record, _ = await explored(context)
+    named, asked = [await boundaries._finished(record, context, scenario) for scenario in ("cut_in", "nhtsa:18")]
+    assert "NHTSA" not in named.headline
+    assert "type 18" in asked.headline
+    assert "also in merge" in asked.headline

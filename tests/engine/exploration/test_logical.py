@@ -7,10 +7,16 @@ import pytest
 from plannerforge.engine.commonroad.document import schema_errors
 from plannerforge.engine.exploration.concrete import concrete_edits
 from plannerforge.engine.exploration.evaluation import Evaluator
-from plannerforge.engine.exploration.logical import catalogue, logical_scenario, logical_scenario_in
+from plannerforge.engine.exploration.logical import (
+    catalogue,
+    logical_scenario,
+    logical_scenario_in,
+    pre_crash_type,
+    pre_crash_types,
+)
 from plannerforge.engine.exploration.roads import ROADS, write_road
 from plannerforge.engine.tuning.configurations import preset_configuration
-from plannerforge.schemas.errors import InvalidRequest, UnknownName
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
 from plannerforge.schemas.exploration import EncounterSetting
 
 
@@ -40,7 +46,8 @@ def test_the_ordinary_encounter_is_plausible_and_mastered(name: str, roads: dict
     with Evaluator(setting) as evaluator:
         evaluation = evaluator.evaluate(concrete_edits(logical, {}))
     assert evaluation.outcome == "safe", evaluation.reason
-    assert evaluation.counterpart_id is not None
+    meets = any(edit["op"] in ("add_vehicle", "wrong_way", "close_lane") for edit in logical.edits)
+    assert (evaluation.counterpart_id is not None) is meets
     assert all(one.low <= one.base_value <= one.high for one in logical.parameters)
     assert logical.source
 
@@ -50,6 +57,27 @@ def test_a_name_is_found_however_it_is_written() -> None:
     with pytest.raises(UnknownName) as refusal:
         logical_scenario("cut_inn")
     assert "cut_in" in refusal.value.valid
+
+
+def test_the_typology_is_whole_and_says_what_covers_each_type() -> None:
+    types = pre_crash_types()
+    assert [one.number for one in types] == list(range(1, 38))
+    assert sum(one.crashes for one in types) == pytest.approx(5_942_000, abs=37 * 500)
+    assert all(one.percent == pytest.approx(one.crashes / 59_420, abs=0.0101) for one in types)
+    assert all(bool(one.scenarios) != bool(one.reason) for one in types)
+    assert {name for one in types for name in one.scenarios} <= set(catalogue())
+
+
+def test_a_type_of_the_typology_names_its_usual_logical_scenario() -> None:
+    assert logical_scenario("nhtsa:26").name == "stopped_lead"
+    assert logical_scenario(" NHTSA: 18").name == "cut_in"
+    assert pre_crash_type("cut_in") is None
+    with pytest.raises(NotPossible) as refusal:
+        logical_scenario("nhtsa:9")
+    assert refusal.value.valid[0] == "nhtsa:26"
+    for number in ("0", "38", "x", ""):
+        with pytest.raises(UnknownName):
+            logical_scenario(f"nhtsa:{number}")
 
 
 def test_a_file_of_ones_own_has_the_same_form(tmp_path: Path) -> None:
