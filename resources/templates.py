@@ -227,9 +227,7 @@ def _edits() -> dict[str, str]:
 
 
 def _logical_scenarios() -> dict[str, str]:
-    from ..engine.exploration import (
-        catalogue,
-    )  # imported at the first request, because the first answers do not need it
+    from ..engine.exploration import catalogue  # imported here for the same reason as the behaviours
 
     return {
         name: f"{one.summary}; {', '.join(f'{axis.name} {axis.low:g} to {axis.high:g}' for axis in one.parameters)}"
@@ -238,7 +236,7 @@ def _logical_scenarios() -> dict[str, str]:
 
 
 def _pre_crash_types() -> dict[str, str]:
-    from ..engine.exploration import pre_crash_types  # as above
+    from ..engine.exploration import pre_crash_types  # imported here for the same reason
 
     return {f"nhtsa:{one.number}": one.in_words() for one in pre_crash_types()}
 

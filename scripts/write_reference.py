@@ -403,6 +403,13 @@ def _help(part: Any) -> str:
 # Configurations
 
 
+_TYPOLOGY = (
+    "The logical scenarios cover {covered} of {types} types, with {percent:.1f} % of the crashes of light vehicles in\n"
+    "the United States. The source is W. G. Najm, J. D. Smith, M. Yanagisawa, Pre-Crash Scenario Typology for Crash\n"
+    "Avoidance Research, DOT HS 810 767 (2007), with the crashes of the year 2004 (General Estimates System)."
+)
+
+
 def logical_scenarios_page() -> str:
     """Return the page of logical scenarios, and of the pre-crash types that they cover."""
     scenarios = [
@@ -431,10 +438,7 @@ def logical_scenarios_page() -> str:
         "[`explore_boundary`](../boundaries.md) maps two parameters of one of these logical scenarios.",
         table("name|what happens|parameters|road|source", scenarios),
         "## NHTSA's pre-crash types",
-        f"The logical scenarios cover {len(covered)} of {len(types)} types, "
-        f"with {sum(one.percent for one in covered):.1f} % of the crashes of light vehicles in the United States.\n"
-        "The source is W. G. Najm, J. D. Smith, M. Yanagisawa, Pre-Crash Scenario Typology for Crash Avoidance\n"
-        "Research, DOT HS 810 767 (2007), with the crashes of the year 2004 (General Estimates System).",
+        _TYPOLOGY.format(covered=len(covered), types=len(types), percent=sum(one.percent for one in covered)),
         table("`scenario`|type|crashes in 2004|share|logical scenarios", types),
     ]
     return "\n\n".join(parts) + "\n"

@@ -1,6 +1,6 @@
 """Logical scenarios by name: those of the catalogue, and a user's own files in the same format."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, UnsafeInput, closest
 from ...schemas.exploration import LogicalScenario, PreCrashType
 from ...schemas.text import shown_name
+from .openscenario_story import logical_scenario_of
 
 _CATALOGUE = "catalog/logical_scenarios.yaml"
 _PRE_CRASH_TYPES = "catalog/pre_crash_types.yaml"
@@ -82,14 +83,21 @@ def pre_crash_type(text: str) -> PreCrashType | None:
     return found
 
 
-def logical_scenario_in(path: Path, name: str = "") -> LogicalScenario:
-    """Return a logical scenario from a YAML file in the catalogue's format, by default the first one.
+def logical_scenario_in(path: Path, name: str = "", allowed: Callable[[str], Path] = Path) -> LogicalScenario:
+    """Return a logical scenario from a file: the first one of a YAML file by default, or that of an OpenSCENARIO file.
+
+    Args:
+        path: the file; ``.xosc`` for OpenSCENARIO XML.
+        name: the name of a logical scenario of a YAML file.
+        allowed: returns the path of a file that the OpenSCENARIO file refers to, or raises OutsideRoots.
 
     Raises:
         UnsafeInput: the file is too large or cannot be read.
-        InvalidRequest: it does not contain logical scenarios.
+        InvalidRequest: it does not contain logical scenarios, or an element has no counterpart among the edits.
         UnknownName: it has no logical scenario with this name.
     """
+    if path.suffix.lower() == ".xosc":
+        return logical_scenario_of(path, allowed)
     try:
         if path.stat().st_size > _LARGEST_BYTES:
             raise UnsafeInput(f"{shown_name(path.name)} has more than {_LARGEST_BYTES:,} bytes")

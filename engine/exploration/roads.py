@@ -19,6 +19,8 @@ _POINT_EVERY_M = 25.0
 _STEP_S = 0.1
 _LAST_STEP = 200
 """A road's scenario lasts 20 s, longer than any horizon of the catalogue."""
+_LONG_STEP, _LONG_M = 600, 3000.0
+"""The duration of a long road's scenario (60 s, the longest horizon), and the road's length (chosen)."""
 _Point = tuple[float, float]
 
 
@@ -50,7 +52,7 @@ class _Goal:
 class _Road:
     """A road with an ego (x, y, heading, speed). Without a goal region, the ego drives on until the scenario ends.
 
-    ``stops``: the stop signs, each at the end of the lanelets that refer to it.
+    ``stops``: the stop signs, each at the end of the lanelets that refer to it. ``last_step``: the end of its scenario.
     """
 
     name: str
@@ -60,6 +62,7 @@ class _Road:
     goal: _Goal | None = None
     lights: Mapping[int, str] = field(default_factory=dict)
     stops: tuple[int, ...] = ()
+    last_step: int = _LAST_STEP
 
     def xml(self) -> str:
         """Return the file's text (format 2020a)."""
@@ -85,7 +88,7 @@ class _Road:
 
     def _problem(self) -> str:
         x, y, heading, speed = self.ego
-        goal, steps = "", (_LAST_STEP, _LAST_STEP)
+        goal, steps = "", (self.last_step, self.last_step)
         if self.goal is not None:
             (gx, gy), (length, width), turned = self.goal.center, self.goal.size, self.goal.heading_rad
             steps = self.goal.steps
@@ -183,27 +186,35 @@ def _arc(radius_m: float, begin_deg: float, end_deg: float) -> tuple[_Point, ...
     return tuple((radius_m * math.cos(angle), radius_m * math.sin(angle)) for angle in angles)
 
 
-def _three_lanes() -> _Road:
+def _three_lanes(name: str = "three_lanes", length_m: float = 1300.0, last_step: int = _LAST_STEP) -> _Road:
     lanes = tuple(
         _Lane(
             key,
-            _line((0.0, y), (1300.0, y)),
+            _line((0.0, y), (length_m, y)),
             left=(key + 1, True) if key < 3 else None,
             right=(key - 1, True) if key > 1 else None,
         )
         for key, y in ((1, -LANE_M), (2, 0.0), (3, LANE_M))
     )
-    return _Road(
-        "three_lanes", "a straight road of three lanes, with the ego in the middle one", lanes, (300, 0, 0, 25)
-    )
+    summary = "a straight road of three lanes, with the ego in the middle one"
+    return _Road(name, summary, lanes, (300, 0, 0, 25), last_step=last_step)
 
 
-def _two_way() -> _Road:
+def _two_way(name: str = "two_way", length_m: float = 1200.0, last_step: int = _LAST_STEP) -> _Road:
     lanes = (
-        _Lane(1, _line((0.0, 0.0), (1200.0, 0.0)), left=(2, False)),
-        _Lane(2, _line((1200.0, LANE_M), (0.0, LANE_M)), left=(1, False)),
+        _Lane(1, _line((0.0, 0.0), (length_m, 0.0)), left=(2, False)),
+        _Lane(2, _line((length_m, LANE_M), (0.0, LANE_M)), left=(1, False)),
     )
-    return _Road("two_way", "a straight road with one lane in each direction", lanes, (200, 0, 0, 13.9))
+    summary = "a straight road with one lane in each direction"
+    return _Road(name, summary, lanes, (200, 0, 0, 13.9), last_step=last_step)
+
+
+def _long_three_lanes() -> _Road:
+    return _three_lanes("three_lanes_long", _LONG_M, _LONG_STEP)
+
+
+def _long_two_way() -> _Road:
+    return _two_way("two_way_long", _LONG_M, _LONG_STEP)
 
 
 _CURVE_M = 60.0
@@ -376,6 +387,8 @@ def _along_ring(angle_deg: float) -> float:
 _DRAWN: Mapping[str, Callable[[], _Road]] = {
     "three_lanes": _three_lanes,
     "two_way": _two_way,
+    "three_lanes_long": _long_three_lanes,
+    "two_way_long": _long_two_way,
     "crossing_straight": _straight_over,
     "crossing_left": _left_turn,
     "crossing_lights": _with_lights,

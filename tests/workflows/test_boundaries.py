@@ -7,13 +7,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from support.openscenario import single, story, varied
 
 from benchmarks.harness import call_in_process
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.planners.runs import run_planner
 from plannerforge.engine.workspace import Workspace
 from plannerforge.schemas.boundaries import BoundaryRecord, ExploreBoundaryArguments, PointsRequest
-from plannerforge.schemas.errors import InvalidRequest, NotPossible, ResourceFailure, UnknownName
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, OutsideRoots, ResourceFailure, UnknownName
 from plannerforge.schemas.modification import ModifyScenarioArguments
 from plannerforge.schemas.planning import RunRequest
 from plannerforge.schemas.rendering import RenderArguments
@@ -128,6 +129,44 @@ async def test_a_map_is_drawn(context: WorkflowContext) -> None:
     assert drawing.made.kind == "boundary"
     assert "failed avoidably" in drawing.made.images[0].alt_text
     assert Path(drawing.made.images[0].path).stat().st_size > 10_000
+
+
+@pytest.mark.anyio
+async def test_an_openscenario_file_is_mapped_with_notes_on_what_it_leaves_out(
+    context: WorkflowContext, tmp_path: Path
+) -> None:
+    roots = replace(context.limits, roots=(tmp_path,))
+    own = WorkflowContext(replace(context.services, limits=roots))
+    (tmp_path / "story.xosc").write_text(story(), encoding="utf-8")
+    limits = '<Range lowerLimit="20" upperLimit="60"/>'
+    (tmp_path / "ranges.xosc").write_text(
+        varied(
+            single("Gap", f"<UniformDistribution>{limits}</UniformDistribution>")
+            + single("Rate", '<NormalDistribution expectedValue="4" variance="1"/>')
+            + single("Lane", "<ProbabilityDistributionSet><Element value='l' weight='1'/></ProbabilityDistributionSet>")
+        ),
+        encoding="utf-8",
+    )
+    given = {"scenario": str(tmp_path / "ranges.xosc"), "over": ["Gap=20..40", "Rate", "Speed=72"]}
+    plan = await boundaries._plan(ExploreBoundaryArguments(**{**SMALL, **given}), own)
+    assert [axis.name for axis in plan.axes] == ["gap", "rate"]
+    assert plan.slices == ({"speed": 72.0},)
+    assert plan.base.artifact_id.startswith("scn_")
+    record, evaluated = await explored(own, **given)
+    assert evaluated > 0
+    rate = record.maps[0].rate
+    assert rate is not None
+    assert 0.0 <= rate.low <= rate.per_million <= rate.high <= 1e6
+    assert all(word in rate.assumptions for word in ("gap", "uniform", "rate", "normal", "ranges.xosc", "speed is 72"))
+    result = await boundaries._finished(record, own)
+    assert rate.in_words() in result.answer().to_text()
+    assert any("Lane" in note for note in result.notes)
+    assert any("Lane" in warning for warning in result.answer().warnings)
+    with pytest.raises(OutsideRoots):
+        await boundaries._plan(ExploreBoundaryArguments(**{**SMALL, "scenario": "/etc/ranges.xosc"}), own)
+    with pytest.raises(InvalidRequest) as refusal:
+        await boundaries._plan(ExploreBoundaryArguments(**{**SMALL, **given, "over": ["Speed"]}), own)
+    assert refusal.value.valid == ("speed=LOW..HIGH",)
 
 
 @pytest.mark.parametrize(

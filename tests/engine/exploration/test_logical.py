@@ -1,6 +1,8 @@
 """The catalogue of logical scenarios: each stands on its road, and its ordinary encounter is mastered."""
 
+import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,7 +19,7 @@ from plannerforge.engine.exploration.logical import (
 from plannerforge.engine.exploration.roads import ROADS, write_road
 from plannerforge.engine.tuning.configurations import preset_configuration
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
-from plannerforge.schemas.exploration import EncounterSetting
+from plannerforge.schemas.exploration import Distribution, EncounterSetting, Parameter
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +80,39 @@ def test_a_type_of_the_typology_names_its_usual_logical_scenario() -> None:
     for number in ("0", "38", "x", ""):
         with pytest.raises(UnknownName):
             logical_scenario(f"nhtsa:{number}")
+
+
+@pytest.mark.parametrize(
+    ("given", "middle"),
+    [
+        ({"kind": "uniform"}, 0.5),
+        ({"kind": "normal", "mean": 2.0, "variance": 0.25}, 0.5),
+        ({"kind": "histogram", "bins": [(1.0, 1.0, 3.0), (3.0, 3.0, 1.0)]}, 0.75),
+        ({"kind": "histogram", "bins": [(0.0, 1.5, 5.0), (1.5, 2.5, 1.0), (2.5, 9.0, 13.0)]}, 0.5),
+    ],
+)
+def test_shares_of_values_count_only_the_range(given: dict[str, Any], middle: float) -> None:
+    one = Parameter(name="gap_s", low=1.0, high=3.0, distribution=Distribution.model_validate(given))
+    assert (one.share_below(0.0), one.share_below(1.0)) == (0.0, 1.0)
+    assert one.share_below(0.5) == pytest.approx(middle, abs=0.09)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"kind": "normal", "mean": 1.0},
+        {"kind": "lognormal", "mean": -1.0, "variance": 1.0},
+        {"kind": "histogram"},
+        {"kind": "histogram", "bins": [[2, 1, 1]]},
+        {"kind": "cauchy"},
+    ],
+)
+def test_a_distribution_that_lacks_figures_is_refused(given: dict[str, Any], tmp_path: Path) -> None:
+    entry = {"name": "a", "summary": "", "base": "three_lanes", "edits": [{"op": "mirror"}]}
+    entry["parameters"] = [{"name": "x", "low": 0, "high": 1, "distribution": given}]
+    (tmp_path / "own.yaml").write_text(json.dumps([entry]), encoding="utf-8")
+    with pytest.raises(InvalidRequest, match="distribution"):
+        logical_scenario_in(tmp_path / "own.yaml")
 
 
 def test_a_file_of_ones_own_has_the_same_form(tmp_path: Path) -> None:
