@@ -31,6 +31,10 @@ FAILURES: tuple[PointOutcome, ...] = ("failed_avoidably", "failed_unavoidably")
 """The outcomes that are failures of the planner."""
 
 
+_MOST_COUNTED = 10_000
+"""The largest mean of a Poisson distribution, which is summed (chosen)."""
+
+
 class Distribution(Model):
     """How often the values of a parameter occur.
 
@@ -54,6 +58,8 @@ class Distribution(Model):
             raise ValueError(f"a {self.kind} distribution needs a variance above 0")
         if self.kind in ("lognormal", "poisson") and not self.mean > 0.0:
             raise ValueError(f"a {self.kind} distribution needs a mean above 0")
+        if self.kind == "poisson" and self.mean > _MOST_COUNTED:
+            raise ValueError(f"a poisson distribution needs a mean up to {_MOST_COUNTED:,}; use a normal distribution")
         if self.kind == "histogram":
             if any(low > high or weight < 0.0 for low, high, weight in self.bins):
                 raise ValueError("a bin is (low, high, weight) with low <= high and weight >= 0")
@@ -70,7 +76,8 @@ class Distribution(Model):
             middle = math.log(self.mean) - spread / 2
             return NormalDist(middle, math.sqrt(spread)).cdf(math.log(value)) if value > 0.0 else 0.0
         if self.kind == "poisson":
-            counts = range(math.floor(value) + 1)
+            far = self.mean + 50.0 * math.sqrt(self.mean) + 50.0  # no double is above this
+            counts = range(math.floor(min(value, far)) + 1)
             logs = (count * math.log(self.mean) - self.mean - math.lgamma(count + 1) for count in counts)
             return min(sum(map(math.exp, logs)), 1.0)
         total = sum(weight for *_, weight in self.bins)

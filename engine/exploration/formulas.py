@@ -26,7 +26,7 @@ FUNCTIONS: Mapping[str, tuple[Callable[..., float], tuple[int, ...]]] = {
     "max": (max, (2,)),
 }
 """The functions of a formula, those of OpenSCENARIO's expressions among them, with their numbers of arguments."""
-_LONGEST = 1_000
+_LONGEST = 4_000
 """Characters of a formula (chosen): a longer one is not written by hand."""
 
 

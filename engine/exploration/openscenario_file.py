@@ -21,7 +21,8 @@ from .formulas import names_in, value_of
 
 _LIMITS = XmlLimits(size_bytes=5_000_000, depth=64, elements=100_000, tag_bytes=100_000)
 """Chosen: about a hundred times the largest file of ASAM's example scenarios (40 kB)."""
-_MOST_CATALOG_FILES = 200
+_MOST_CATALOG_FILES, _MOST_FOLDERS, _DEEPEST = 200, 8, 20
+"""Files of a catalogue's folder, folders of catalogues (OpenSCENARIO has 8 kinds), and parameters in turn (chosen)."""
 _TAIL = 0.001
 """The share of values beyond each end of a range that a distribution leaves open (chosen)."""
 _NUMERIC = ("double", "integer", "int", "unsignedInt", "unsignedShort")
@@ -112,8 +113,11 @@ class OpenScenario:
 
     def _inner(self, name: str, text: str) -> str:
         """Return the formula of a parameter that is given by another one."""
-        if name in self._open:
-            raise InvalidRequest(f"{self.file}: ${name} refers to itself", next_step="give it a number in the file")
+        if name in self._open or len(self._open) >= _DEEPEST:
+            raise InvalidRequest(
+                f"{self.file}: ${shown_name(name)} refers to itself, or to more than {_DEEPEST} others in turn",
+                next_step="give it a number in the file",
+            )
         self._open.add(name)
         found = self.formula(text)
         self._open.discard(name)
@@ -187,7 +191,7 @@ class OpenScenario:
             InvalidRequest: there is no such entry.
             OutsideRoots: the catalogue's folder is not allowed.
         """
-        for folder in self.root.iterfind("CatalogLocations/*/Directory"):
+        for folder in self.root.findall("CatalogLocations/*/Directory")[:_MOST_FOLDERS]:
             path = self.allowed(str(self.path.parent / self.text(folder.get("path", ""))))
             if not path.is_dir():
                 continue

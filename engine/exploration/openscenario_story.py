@@ -41,6 +41,8 @@ _HOLD_MPS2 = 1.0
 """The rate of an edit that only keeps a speed (chosen)."""
 _LEAST_RATE_MPS2, _LEAST_LATERAL_S, _LEAST_S = 0.1, 0.5, 0.1
 """The least values that edits accept."""
+_ACROSS = 0.5
+"""The least sine of a heading across the road (chosen)."""
 _STRAIGHT_M = 1.0
 """The most that the ends of a crossing may differ along the road (chosen)."""
 _PEAK: Final[Mapping[str, float]] = {"linear": 1.0, "cubic": 1.5, "sinusoidal": math.pi / 2}
@@ -153,6 +155,7 @@ class _Story:
         self._vehicles: dict[str, str] = {}
         self._speeds: dict[str, str] = {}
         self._lanes: dict[str, int] = {}
+        self._crossing: set[str] = set()
         self._crossed: set[str] = set()
         self._times: dict[str, tuple[_Trigger, str]] = {}
         self._friction = ""
@@ -166,13 +169,14 @@ class _Story:
             self._entities[entity.name] = entity
         self._ego = self._found_ego()
         self._initialise()
+        self._crossing = {one.name for one in self._others if self._is_crossing(one)}
         self._road = self._chosen_road()
         self._edits.add("set_ego", speed=self._text(self._ego.speed, "ego_speed", "m/s"))
         if self._friction:
             self._edits.add("set_weather", params=[f"friction=${{{self._edits.value(self._friction, 'friction')}}}"])
         events = list(self._events())
         for entity in self._others:
-            if entity.kind in _CROSSING and self._is_crossing(entity, events):
+            if entity.name in self._crossing:
                 continue
             if entity.kind == "pedestrian":
                 raise InvalidRequest(
@@ -290,8 +294,9 @@ class _Story:
         if entity.place is None:
             if entity.name in after or entity.name not in places:
                 raise InvalidRequest(f"{self._scenario.file}: positions refer to each other: {', '.join(after)}")
-            (position,) = places[entity.name].iterfind("Position/*")
-            entity.place = self._position(position, entity.name, places, (*after, entity.name))
+            entity.place = self._position(
+                self._only(places[entity.name], "Position/*"), entity.name, places, (*after, entity.name)
+            )
         return entity.place
 
     def _position(
@@ -386,7 +391,7 @@ class _Story:
         lanes: dict[str, int] = {}
         oncoming = walks = False
         for entity in self._others:
-            if entity.kind in _CROSSING and self._stands_aside(entity):
+            if entity.name in self._crossing:
                 walks = True
                 continue
             left = self._left(entity)
@@ -398,7 +403,7 @@ class _Story:
                     valid=["the ego's lane", "a lane next to it"],
                     next_step="move it nearer, or write the logical scenario as YAML",
                 )
-        lanes |= dict.fromkeys((name for name in self._targets() if name in lanes), 1)
+        lanes |= dict.fromkeys((name for name in self._actors_of("LaneChangeAction") if name in lanes), 1)
         if oncoming and any(left and not self._is_oncoming(self._entities[name]) for name, left in lanes.items()):
             raise InvalidRequest(
                 f"{self._scenario.file} has oncoming traffic next to the ego, and lanes that lead the ego's way",
@@ -408,20 +413,13 @@ class _Story:
         needs_lanes = any(left for name, left in lanes.items() if not self._is_oncoming(self._entities[name]))
         return "two_way_long" if oncoming or (walks and not needs_lanes) else "three_lanes_long"
 
-    def _targets(self) -> Iterator[str]:
-        """Yield the names of entities that change lanes."""
+    def _actors_of(self, action: str) -> Iterator[str]:
+        """Yield the names of the entities that do an action of the story."""
         for group in self._scenario.root.iterfind("Storyboard/Story/Act/ManeuverGroup"):
-            if next(group.iter("LaneChangeAction"), None) is not None:
+            if next(group.iter(action), None) is not None:
                 local = self._local(group)
                 for one in group.iterfind("Actors/EntityRef"):
                     yield self._scenario.text(one.get("entityRef", ""), local)
-
-    def _stands_aside(self, entity: _Entity) -> bool:
-        """Return True if an entity does not begin in the ego's lane or next to it with the heading of the lane."""
-        if entity.place is None:
-            return False
-        across = abs(math.sin(entity.place.heading_rad)) > 0.5
-        return across or abs(self._aside_m(entity.place)) > LANE_M / 4
 
     def _aside_m(self, place: _Place) -> float:
         """Return how far a place is to the left of the ego's lane centre, for the declared values."""
@@ -616,16 +614,12 @@ class _Story:
 
     # Crossing
 
-    def _is_crossing(
-        self, entity: _Entity, events: Sequence[tuple[_Entity, _Trigger, etree._Element, Mapping[str, str]]]
-    ) -> bool:
+    def _is_crossing(self, entity: _Entity) -> bool:
         """Return True if a pedestrian or cyclist walks a trajectory, or begins with a heading across the road."""
-        walks = any(
-            next(event.iter("FollowTrajectoryAction"), None) is not None
-            for actor, _, event, _ in events
-            if actor is entity
-        )
-        return walks or (entity.place is not None and abs(math.sin(entity.place.heading_rad)) > 0.5)
+        if entity.kind not in _CROSSING:
+            return False
+        across = entity.place is not None and abs(math.sin(entity.place.heading_rad)) > _ACROSS
+        return across or entity.name in self._actors_of("FollowTrajectoryAction")
 
     def _cross(
         self,
@@ -677,11 +671,10 @@ class _Story:
         vertices = list(action.iter("Vertex"))
         if len(vertices) < 2:
             raise self._refused(action, actor.name, ["Polyline"])
-        ends = []
-        for vertex in (vertices[0], vertices[-1]):
-            (position,) = vertex.iterfind("Position/*")
-            ends.append(self._position(position, actor.name, {}, (), local))
-        begin, end = ends
+        begin, end = (
+            self._position(self._only(vertex, "Position/*"), actor.name, {}, (), local)
+            for vertex in (vertices[0], vertices[-1])
+        )
         across = f"abs({LANE_M:g} * ({begin.lane} - {end.lane}) + ({begin.aside}) - ({end.aside}))"
         along_m = abs(scenario.now(f"({begin.s}) - ({end.s})"))
         if along_m > _STRAIGHT_M or scenario.now(across) < LANE_M / 2:
@@ -705,9 +698,12 @@ class _Story:
             return None
         if len(conditions) > 1:
             raise self._refused(element, owner.get("name", ""), ["a single Condition"])
-        (condition,) = conditions
+        condition = conditions[0]
         delay = self._formula(condition.get("delay", "0"), local)
-        (kind,) = [one for one in condition.iter() if one.tag.endswith("Condition") and one.tag not in _GROUPS]
+        kinds = [one for one in condition.iter() if one.tag.endswith("Condition") and one.tag not in _GROUPS]
+        if len(kinds) != 1:
+            raise self._refused(condition, owner.get("name", ""), _TRIGGERS)
+        kind = kinds[0]
         if kind.tag == "SimulationTimeCondition":
             time_s = self._formula(self._stated(kind, "value"), local)
             return _Trigger(time_s if delay == "0" else f"{time_s} + {delay}")
@@ -786,6 +782,16 @@ class _Story:
         value = self._formula(self._stated(relative, "value"), local)
         is_factor = relative.get("speedTargetValueType") == "factor"
         return f"({of.speed}) * ({value})" if is_factor else f"({of.speed}) + ({value})"
+
+    def _only(self, element: etree._Element, path: str) -> etree._Element:
+        """Return the only element at a path."""
+        found = list(element.iterfind(path))
+        if len(found) != 1:
+            raise InvalidRequest(
+                f"{self._scenario.file}: <{shown_name(element.tag)}> has {len(found)} elements at {path}, not 1",
+                next_step="correct the file",
+            )
+        return found[0]
 
     def _stated(self, element: etree._Element, attribute: str) -> str:
         """Return an attribute that must be there."""

@@ -10,6 +10,7 @@ import pytest
 from support.openscenario import single, story, varied
 
 from benchmarks.harness import call_in_process
+from plannerforge.engine.execution import Limits
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.planners.runs import run_planner
 from plannerforge.engine.workspace import Workspace
@@ -135,8 +136,7 @@ async def test_a_map_is_drawn(context: WorkflowContext) -> None:
 async def test_an_openscenario_file_is_mapped_with_notes_on_what_it_leaves_out(
     context: WorkflowContext, tmp_path: Path
 ) -> None:
-    roots = replace(context.limits, roots=(tmp_path,))
-    own = WorkflowContext(replace(context.services, limits=roots))
+    own = WorkflowContext(replace(context.services, limits=Limits((tmp_path,))))
     (tmp_path / "story.xosc").write_text(story(), encoding="utf-8")
     limits = '<Range lowerLimit="20" upperLimit="60"/>'
     (tmp_path / "ranges.xosc").write_text(

@@ -221,7 +221,9 @@ def test_a_catalogue_next_to_the_file_describes_a_vehicle(tmp_path: Path) -> Non
         ({"place": '<RelativeLanePosition entityRef="Ego" dLane="0" ds="${sqrt(0 - $Gap)}"/>'}, "cannot be computed"),
         ({"place": '<RelativeLanePosition dLane="0" entityRef="Other" ds="1"/>'}, "refer to each other"),
         ({"other": '<MiscObject name="box"/>'}, "MiscObject"),
+        ({"place": ""}, "Position"),
         ({"other": WALKER}, "does not cross"),
+        ({"other": CAR.format("o", "bicycle"), "place": '<LanePosition laneId="-4" s="60"/>'}, "lanes from the ego"),
         ({"action": "<LateralAction><LaneOffsetAction/></LateralAction>"}, "LaneOffsetAction"),
         ({"action": speed("3")}, "in one step"),
         ({"condition": after_s("")}, "SimulationTimeCondition"),
@@ -254,5 +256,13 @@ def test_hostile_and_foreign_files_are_refused(tmp_path: Path) -> None:
         read(tmp_path, story(), varied(single("Gap", "<UserDefinedDistribution/>")))
     with pytest.raises(InvalidRequest, match="variance"):
         read(tmp_path, story(), varied(single("Gap", '<NormalDistribution expectedValue="3" variance="0"/>')))
+    many = "".join(f'<ParameterDeclaration name="A{n}" value="${{$A{n + 1}+$A{n + 1}}}"/>' for n in range(2_000))
+    with pytest.raises(InvalidRequest, match="refers to itself"):
+        read(
+            tmp_path,
+            story(place='<RelativeLanePosition entityRef="Ego" dLane="0" ds="$A0"/>').replace(
+                "</ParameterDeclarations>", f"{many}</ParameterDeclarations>"
+            ),
+        )
     with pytest.raises(InvalidRequest, match="refers to itself"):
         read(tmp_path, story().replace('value="72"', 'value="${$Speed + 1}"'))
