@@ -333,7 +333,7 @@ def _varied(name: str, kind: etree._Element, scenario: OpenScenario, file: str) 
             found = Distribution(kind="uniform", source=source) if kind.tag == "UniformDistribution" else None
         case "NormalDistribution" | "LogNormalDistribution" | "PoissonDistribution":
             found = Distribution(
-                kind={"N": "normal", "L": "lognormal", "P": "poisson"}[kind.tag[0]],  # type: ignore[arg-type]
+                kind={"N": "normal", "L": "lognormal", "P": "poisson"}[kind.tag[0]],
                 mean=scenario.fixed(kind.get("expectedValue", "")),
                 variance=scenario.fixed(kind.get("variance", "0")),
                 source=source,

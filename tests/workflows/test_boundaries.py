@@ -12,10 +12,12 @@ from support.openscenario import single, story, varied
 from benchmarks.harness import call_in_process
 from plannerforge.engine.execution import Limits
 from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.exploration import BoundarySearch
 from plannerforge.engine.planners.runs import run_planner
 from plannerforge.engine.workspace import Workspace
-from plannerforge.schemas.boundaries import BoundaryRecord, ExploreBoundaryArguments, PointsRequest
+from plannerforge.schemas.boundaries import LATTICE, BoundaryRecord, ExploreBoundaryArguments, MapSummary, PointsRequest
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, OutsideRoots, ResourceFailure, UnknownName
+from plannerforge.schemas.exploration import Distribution
 from plannerforge.schemas.modification import ModifyScenarioArguments
 from plannerforge.schemas.planning import RunRequest
 from plannerforge.schemas.rendering import RenderArguments
@@ -151,15 +153,9 @@ async def test_an_openscenario_file_is_mapped_with_notes_on_what_it_leaves_out(
     plan = await boundaries._plan(ExploreBoundaryArguments(**{**SMALL, **given}), own)
     assert [axis.name for axis in plan.axes] == ["gap", "rate"]
     assert plan.slices == ({"speed": 72.0},)
-    assert plan.base.artifact_id.startswith("scn_")
-    record, evaluated = await explored(own, **given)
-    assert evaluated > 0
-    rate = record.maps[0].rate
-    assert rate is not None
-    assert 0.0 <= rate.low <= rate.per_million <= rate.high <= 1e6
-    assert all(word in rate.assumptions for word in ("gap", "uniform", "rate", "normal", "ranges.xosc", "speed is 72"))
-    result = await boundaries._finished(record, own)
-    assert rate.in_words() in result.answer().to_text()
+    assert plan.base.artifact_id.startswith("ZAM_ThreeLanesLong")
+    record, _ = await explored(context)
+    result = await boundaries._finished(record.model_copy(update={"scenario": plan.logical, "maps": ()}), own)
     assert any("Lane" in note for note in result.notes)
     assert any("Lane" in warning for warning in result.answer().warnings)
     with pytest.raises(OutsideRoots):
@@ -167,6 +163,26 @@ async def test_an_openscenario_file_is_mapped_with_notes_on_what_it_leaves_out(
     with pytest.raises(InvalidRequest) as refusal:
         await boundaries._plan(ExploreBoundaryArguments(**{**SMALL, **given, "over": ["Speed"]}), own)
     assert refusal.value.valid == ("speed=LOW..HIGH",)
+
+
+@pytest.mark.anyio
+async def test_a_rate_weighs_the_failures_by_the_distributions_of_the_parameters(context: WorkflowContext) -> None:
+    plan = await boundaries._plan(ExploreBoundaryArguments(**SMALL), context)
+    search = BoundarySearch(60)
+    while places := search.ask():
+        search.tell({place: "failed_avoidably" if place[0] < LATTICE / 2 else "safe" for place in places})
+    assert boundaries._rate(plan, plan.slices[0], search) is None
+    gap, closing = plan.axes
+    bins = ((gap.low, (gap.low + gap.high) / 2, 1.0), ((gap.low + gap.high) / 2, gap.high, 9.0))
+    known = gap.model_copy(update={"distribution": Distribution(kind="histogram", bins=bins, source="counted")})
+    rate = boundaries._rate(replace(plan, axes=(known, closing)), {"ego_speed_mps": 20.0}, search)
+    assert rate is not None
+    assert rate.low <= 100_000 <= rate.high
+    assert rate.per_million == pytest.approx(100_000, rel=0.1)
+    words = ("gap_m", "histogram", "counted", "closing_mps", "equally frequent", "independent", "ego_speed_mps is 20")
+    assert all(word in rate.in_words() for word in words)
+    mapped = MapSummary(config_id="c", config_name="n", points=60, areas=(), rate=rate)
+    assert rate.in_words() in mapped.in_words()
 
 
 @pytest.mark.parametrize(
