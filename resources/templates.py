@@ -65,6 +65,8 @@ _VOCABULARIES: Final[dict[str, tuple[str, Callable[[], dict[str, str]]]]] = {
     "obstacles": ("Types of obstacles", lambda: dict.fromkeys(OBSTACLE_TYPES, "")),
     "origins": ("Origins of scenarios", lambda: {str(name): meaning for name, meaning in ORIGINS.items()}),
     "edits": ("Edits of modify_scenario, with their arguments", lambda: _edits()),
+    "logical_scenarios": ("Logical scenarios of explore_boundary", lambda: _logical_scenarios()),
+    "pre_crash_types": ("NHTSA's pre-crash types, with their logical scenarios", lambda: _pre_crash_types()),
     "behaviours": ("Presets of set_behaviour, with their values", lambda: _behaviours()),
 }
 
@@ -222,6 +224,21 @@ def _presets(planners: Iterable[str]) -> Iterable[str]:
 
 def _edits() -> dict[str, str]:
     return {name: ", ".join(kind.arguments) for name, kind in EDITS.items()}
+
+
+def _logical_scenarios() -> dict[str, str]:
+    from ..engine.exploration import catalogue  # imported here for the same reason as the behaviours
+
+    return {
+        name: f"{one.summary}; {', '.join(f'{axis.name} {axis.low:g} to {axis.high:g}' for axis in one.parameters)}"
+        for name, one in catalogue().items()
+    }
+
+
+def _pre_crash_types() -> dict[str, str]:
+    from ..engine.exploration import pre_crash_types  # imported here for the same reason
+
+    return {f"nhtsa:{one.number}": one.in_words() for one in pre_crash_types()}
 
 
 def _behaviours() -> dict[str, str]:

@@ -1,5 +1,6 @@
 """``explore_boundary``: its arguments, the worker's requests, the stored map, and the answer."""
 
+from pathlib import Path
 from typing import Any, Final
 
 from pydantic import Field, PrivateAttr
@@ -25,7 +26,7 @@ LATTICE: Final = 64
 class ExploreBoundaryArguments(Arguments):
     """Map where a planner begins to fail: two parameters of a logical scenario, refined at the edges (job)."""
 
-    scenario: str = Field("lead_braking", description="logical scenario: lead_braking, cut_in …, or a YAML file")
+    scenario: str = Field("lead_braking", description="lead_braking, nhtsa:18 …, or a .yaml or .xosc file")
     over: list[str] = Field(
         [], description="two as 'headway_s=0.5..2.5', others fixed 'ego_speed_mps=20' or in slices '15,25'"
     )
@@ -47,10 +48,14 @@ class ExploreBoundaryArguments(Arguments):
 
 
 class DescribeLogicalRequest(Model):
-    """A request for a logical scenario by name, or from a YAML file (``path``); an empty name means the first one."""
+    """A request for a logical scenario by name, or from a file (``path``); an empty name means the first one.
+
+    ``roots``: the folders of the files that the file may refer to.
+    """
 
     name: str = ""
     path: str | None = None
+    roots: tuple[Path, ...] = ()
 
 
 class DrawRoadRequest(Model):
@@ -99,6 +104,25 @@ class MapArea(Model):
         return f"{OUTCOME_WORDS[self.outcome]} {self.share:.0%} ({self.low:.0%} to {self.high:.0%})"
 
 
+class FailureRate(Model):
+    """The avoidable failures in a million encounters, with a 95 % interval.
+
+    ``assumptions``: the frequencies of the parameters, as the end of a sentence.
+    """
+
+    per_million: float = Field(description="avoidable failures in a million encounters")
+    low: float = Field(description="lower end of the 95 % interval")
+    high: float = Field(description="upper end of the 95 % interval")
+    assumptions: str = Field(description="the frequencies of the parameters that it assumes")
+
+    def in_words(self) -> str:
+        """Return the rate with its interval and its assumptions as one sentence."""
+        return (
+            f"{self.per_million:,.0f} avoidable failures per million encounters (95 % interval {self.low:,.0f} to "
+            f"{self.high:,.0f}), if {self.assumptions}."
+        )
+
+
 class BoundaryMap(Model):
     """The map of one planner over two parameters, with the others at the values of a slice."""
 
@@ -110,6 +134,7 @@ class BoundaryMap(Model):
     points: tuple[MapPoint, ...]
     cells: tuple[tuple[int, int, int], ...] = Field(description="lower corner and size of each cell of the lattice")
     areas: tuple[MapArea, ...]
+    rate: FailureRate | None = Field(None, exclude_if=lambda rate: rate is None)
 
     def area(self, outcome: PointOutcome) -> MapArea | None:
         """Return the share with an outcome, or None if no point has it."""
@@ -174,14 +199,18 @@ class MapSummary(Model):
     at: dict[str, float] = Field(default_factory=dict, description="values of the other parameters")
     points: int = Field(description="number of evaluated points")
     areas: tuple[MapArea, ...] = Field(description="share of each outcome")
+    rate: FailureRate | None = Field(
+        None, description="avoidable failures per million encounters, if a mapped parameter has a distribution"
+    )
 
     def in_words(self) -> str:
-        """Return the planner, the values of the other parameters, and the shares with their bounds."""
+        """Return the planner, the values of the other parameters, the shares with their bounds, and the rate."""
         at = ", ".join(f"{name} {value:g}" for name, value in self.at.items())
         areas = [area for area in self.areas if area.share > 0 or area.outcome == "failed_avoidably"]
         kind = "reference " if self.is_reference else ""
         shares = ", ".join(area.in_words() for area in areas)
-        return f"{kind}{self.config_name}{f' at {at}' if at else ''}: {shares}; {counted(self.points, 'point')}."
+        mapped = f"{kind}{self.config_name}{f' at {at}' if at else ''}: {shares}; {counted(self.points, 'point')}."
+        return mapped if self.rate is None else f"{mapped} {self.rate.in_words()}"
 
 
 class ExploreBoundaryResult(Result):
@@ -197,6 +226,7 @@ class ExploreBoundaryResult(Result):
     maps: tuple[MapSummary, ...] = Field((), description="one per planner and slice")
     examples: tuple[FailureExample, ...] = Field((), description="the most ordinary avoidable failure of each map")
     implausible: tuple[str, ...] = Field((), description="the most frequent reasons of implausible points")
+    notes: tuple[str, ...] = Field((), description="what was left out of an OpenSCENARIO file")
     message: str = Field("", description="what the job is doing")
     next_step: str
     _record: BoundaryRecord | None = PrivateAttr(None)
@@ -219,6 +249,6 @@ class ExploreBoundaryResult(Result):
             headline=f"{self.boundary_id}: {self.headline}.",
             figures=[one.in_words() for one in self.maps],
             listed=[f"Most ordinary avoidable failure of {example.what}" for example in self.examples],
-            warnings=[f"implausible points: {reason}" for reason in self.implausible],
+            warnings=[*(f"implausible points: {reason}" for reason in self.implausible), *self.notes],
             next_step=self.next_step,
         )

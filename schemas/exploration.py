@@ -4,11 +4,13 @@ A logical scenario is a base with edit templates and parameters with ranges and 
 an ordinary list of edits, so a point is repeated with ``modify_scenario`` and ``run_planner``.
 """
 
+import math
 from bisect import bisect_right
 from pathlib import Path
+from statistics import NormalDist
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from .base import Model
 from .modification import Edit
@@ -29,8 +31,70 @@ FAILURES: tuple[PointOutcome, ...] = ("failed_avoidably", "failed_unavoidably")
 """The outcomes that are failures of the planner."""
 
 
+_MOST_COUNTED = 10_000
+"""The largest mean of a Poisson distribution, which is summed (chosen)."""
+
+
+class Distribution(Model):
+    """How often the values of a parameter occur.
+
+    - ``uniform``: equally often in the parameter's range
+    - ``normal``, ``lognormal``: with the values' own ``mean`` and ``variance``
+    - ``poisson``: with ``mean``
+    - ``histogram``: ``bins`` (low, high, weight); a bin with ``low`` = ``high`` is a single value
+
+    ``source``: where it was recorded or published.
+    """
+
+    kind: Literal["uniform", "normal", "lognormal", "poisson", "histogram"]
+    mean: float = 0.0
+    variance: float = Field(0.0, ge=0.0)
+    bins: tuple[tuple[float, float, float], ...] = Field((), max_length=1_000)
+    source: str = ""
+
+    @model_validator(mode="after")
+    def _has_all_figures(self) -> "Distribution":
+        if self.kind in ("normal", "lognormal") and not self.variance > 0.0:
+            raise ValueError(f"a {self.kind} distribution needs a variance above 0")
+        if self.kind in ("lognormal", "poisson") and not self.mean > 0.0:
+            raise ValueError(f"a {self.kind} distribution needs a mean above 0")
+        if self.kind == "poisson" and self.mean > _MOST_COUNTED:
+            raise ValueError(f"a poisson distribution needs a mean up to {_MOST_COUNTED:,}; use a normal distribution")
+        if self.kind == "histogram":
+            if any(low > high or weight < 0.0 for low, high, weight in self.bins):
+                raise ValueError("a bin is (low, high, weight) with low <= high and weight >= 0")
+            if not sum(weight for *_, weight in self.bins) > 0.0:
+                raise ValueError("a histogram needs bins with weights above 0")
+        return self
+
+    def share_below(self, value: float) -> float:
+        """Return the share of values up to a value, from 0 to 1; not for ``uniform``, which depends on the range."""
+        if self.kind == "normal":
+            return NormalDist(self.mean, math.sqrt(self.variance)).cdf(value)
+        if self.kind == "lognormal":
+            spread = math.log(1.0 + self.variance / self.mean**2)
+            middle = math.log(self.mean) - spread / 2
+            return NormalDist(middle, math.sqrt(spread)).cdf(math.log(value)) if value > 0.0 else 0.0
+        if self.kind == "poisson":
+            far = self.mean + 50.0 * math.sqrt(self.mean) + 50.0  # no double is above this
+            counts = range(math.floor(min(value, far)) + 1)
+            logs = (count * math.log(self.mean) - self.mean - math.lgamma(count + 1) for count in counts)
+            return min(sum(map(math.exp, logs)), 1.0)
+        total = sum(weight for *_, weight in self.bins)
+        below = 0.0
+        for low, high, weight in self.bins:
+            if value >= high:
+                below += weight
+            elif value > low:
+                below += weight * (value - low) / (high - low)
+        return below / total
+
+
 class Parameter(Model):
-    """A parameter of a logical scenario with its range. ``base``: the value of an ordinary encounter."""
+    """A parameter of a logical scenario with its range. ``base``: the value of an ordinary encounter.
+
+    ``distribution``: how often values occur, if that is known.
+    """
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
     low: float
@@ -38,11 +102,29 @@ class Parameter(Model):
     unit: str = ""
     base: float | None = None
     summary: str = ""
+    distribution: Distribution | None = Field(None, exclude_if=lambda distribution: distribution is None)
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether the range is a single value, so that the parameter varies only in a given range."""
+        return self.low == self.high
 
     @property
     def base_value(self) -> float:
         """The value of an ordinary encounter, by default the middle of the range."""
         return (self.low + self.high) / 2 if self.base is None else self.base
+
+    def share_below(self, share: float) -> float:
+        """Return the share of the values in the range up to a fraction of the range, from 0 to 1.
+
+        Without a distribution, all values are equally frequent.
+        """
+        if self.distribution is None or self.distribution.kind == "uniform" or not 0.0 < share < 1.0:
+            return min(max(share, 0.0), 1.0)
+        below = self.distribution.share_below
+        # A single value at the lower end belongs to the range.
+        first, last = below(self.low - 1e-9 * (self.high - self.low)), below(self.high)
+        return (below(self.at_share(share)) - first) / (last - first) if last > first else share
 
     @property
     def quantity(self) -> str:
@@ -95,7 +177,7 @@ class LogicalScenario(Model):
     parameters: ``"$gap_s"`` is a parameter's value, ``"${speed_mps}m/s"`` a text that contains it. ``derived``: further
     values by name, as formulas of parameters with ``+ - * /``, parentheses and earlier derived values, or as curves.
     ``horizon_s``: the maximum duration of the encounter. ``traffic``: reactive if edits have triggers, which then
-    respond to the planner's ego. ``source``: the source of the parameters.
+    respond to the planner's ego. ``source``: the source of the parameters. ``notes``: what was left out of the source.
     """
 
     name: str
@@ -107,10 +189,36 @@ class LogicalScenario(Model):
     horizon_s: float = Field(8.0, gt=0.0, le=60.0)
     traffic: Traffic = "recorded"
     source: str = ""
+    notes: tuple[str, ...] = Field((), exclude_if=lambda notes: not notes)
 
     def parameter(self, name: str) -> Parameter:
         """Return the parameter with a name; raise KeyError if there is no such parameter."""
         return next(one for one in self.parameters if one.name == name)
+
+
+class PreCrashType(Model):
+    """A type of NHTSA's pre-crash typology of light vehicles (DOT HS 810 767, 2007).
+
+    ``crashes``: in the United States in a year (General Estimates System, 2004). ``percent``: their share of all
+    crashes. ``scenarios``: the logical scenarios with this encounter, the usual one first. ``reason``: why there is no
+    such logical scenario.
+    """
+
+    number: int = Field(ge=1, le=37)
+    name: str
+    crashes: int
+    percent: float
+    scenarios: tuple[str, ...] = ()
+    reason: str = ""
+
+    def in_words(self) -> str:
+        """Return the name, the share of crashes, and the logical scenarios or the reason why there is no such one."""
+        return f"{self.name} ({self.percent:.2f} % of crashes): {', '.join(self.scenarios) or self.why_not}"
+
+    @property
+    def why_not(self) -> str:
+        """The reason why there is no logical scenario, as a phrase."""
+        return f"not covered, because {self.reason}"
 
 
 class EncounterSetting(Model):

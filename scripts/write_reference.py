@@ -23,6 +23,7 @@ sys.path.insert(0, str(CHECKOUT))
 
 from plannerforge.agent.settings import AgentSettings  # noqa: E402 - the checkout is found first
 from plannerforge.cli.main import application  # noqa: E402
+from plannerforge.engine.exploration import catalogue, pre_crash_types  # noqa: E402
 from plannerforge.engine.tuning.settings import known_settings  # noqa: E402
 from plannerforge.engine.tuning.tunings import LARGEST_WEIGHT, TUNINGS, PlannerTuning  # noqa: E402
 from plannerforge.schemas.analysis.suite import SuiteFile  # noqa: E402
@@ -50,6 +51,7 @@ def pages() -> dict[Path, str]:
         REFERENCE / "types.md": types_page(),
         REFERENCE / "command_line.md": command_line_page(),
         REFERENCE / "configurations.md": configurations_page(),
+        REFERENCE / "logical_scenarios.md": logical_scenarios_page(),
         DOCS / "settings.md": f"{head}{mark}\n{settings_table()}\n",
     }
 
@@ -399,6 +401,47 @@ def _help(part: Any) -> str:
 
 
 # Configurations
+
+
+_TYPOLOGY = (
+    "The logical scenarios cover {covered} of {types} types, with {percent:.1f} % of the crashes of light vehicles in\n"
+    "the United States. The source is W. G. Najm, J. D. Smith, M. Yanagisawa, Pre-Crash Scenario Typology for Crash\n"
+    "Avoidance Research, DOT HS 810 767 (2007), with the crashes of the year 2004 (General Estimates System)."
+)
+
+
+def logical_scenarios_page() -> str:
+    """Return the page of logical scenarios, and of the pre-crash types that they cover."""
+    scenarios = [
+        (
+            f"`{name}`",
+            one.summary,
+            ", ".join(f"`{axis.name}` {axis.low:g} to {axis.high:g}" for axis in one.parameters),
+            f"`{one.base}`",
+            one.source,
+        )
+        for name, one in catalogue().items()
+    ]
+    types = [
+        (
+            f"`nhtsa:{one.number}`",
+            one.name,
+            f"{one.crashes:,}",
+            f"{one.percent:.2f} %",
+            ", ".join(f"`{name}`" for name in one.scenarios) or one.why_not,
+        )
+        for one in pre_crash_types()
+    ]
+    covered = [one for one in pre_crash_types() if one.scenarios]
+    parts = [
+        f"# Logical scenarios\n\n{MADE}",
+        "[`explore_boundary`](../boundaries.md) maps two parameters of one of these logical scenarios.",
+        table("name|what happens|parameters|road|source", scenarios),
+        "## NHTSA's pre-crash types",
+        _TYPOLOGY.format(covered=len(covered), types=len(types), percent=sum(one.percent for one in covered)),
+        table("`scenario`|type|crashes in 2004|share|logical scenarios", types),
+    ]
+    return "\n\n".join(parts) + "\n"
 
 
 def configurations_page() -> str:

@@ -15,7 +15,7 @@ import anyio
 
 from ..engine.catalog import open_catalogue
 from ..engine.execution import JobProgress
-from ..engine.exploration import ROADS, BoundarySearch, area_of, concrete_edits
+from ..engine.exploration import ROADS, BoundarySearch, area_of, concrete_edits, pre_crash_type
 from ..engine.workspace import Artifact, Recipe, append_text, versions_of
 from ..schemas.boundaries import (
     LATTICE,
@@ -26,6 +26,7 @@ from ..schemas.boundaries import (
     ExploreBoundaryArguments,
     ExploreBoundaryResult,
     FailureExample,
+    FailureRate,
     MapArea,
     MapPoint,
     MapSummary,
@@ -117,10 +118,10 @@ async def explore_boundary(arguments: ExploreBoundaryArguments, context: Workflo
         InvalidRequest: the number of parameters left to map is not two, or a value cannot be parsed.
     """
     plan = await _plan(arguments, context)
-    recipe = plan.recipe()
+    recipe, asked = plan.recipe(), arguments.scenario
     stored = context.workspace.find_by_recipe("boundary", recipe)
     if stored is not None:
-        return await _finished(stored.read(BoundaryRecord), context)
+        return await _finished(stored.read(BoundaryRecord), context, asked)
 
     async def work(progress: JobProgress) -> None:
         own = WorkflowContext(context.services)
@@ -136,7 +137,7 @@ async def explore_boundary(arguments: ExploreBoundaryArguments, context: Workflo
     job = await context.wait_for(job.job_id, arguments.wait_s)
     stored = context.workspace.find_by_recipe("boundary", recipe)
     if stored is not None:
-        return await _finished(stored.read(BoundaryRecord), context)
+        return await _finished(stored.read(BoundaryRecord), context, asked)
     return ExploreBoundaryResult(
         state=job.state,
         job_id=job.job_id,
@@ -175,9 +176,9 @@ async def _plan(arguments: ExploreBoundaryArguments, context: WorkflowContext) -
 
 
 async def _logical(text: str, context: WorkflowContext) -> LogicalScenario:
-    if text.lower().endswith((".yaml", ".yml")):
-        path = context.allowed_path(text)
-        return await context.run(READ_LOGICAL_SCENARIO, DescribeLogicalRequest(path=str(path)))
+    if text.lower().endswith((".yaml", ".yml", ".xosc")):
+        request = DescribeLogicalRequest(path=str(context.allowed_path(text)), roots=context.limits.roots)
+        return await context.run(READ_LOGICAL_SCENARIO, request)
     return await context.run(READ_LOGICAL_SCENARIO, DescribeLogicalRequest(name=text))
 
 
@@ -193,11 +194,14 @@ def _axes(
     valued: dict[str, list[float]] = {}
     for text in over:
         name, _, value = (part.strip() for part in text.partition("="))
+        name = name if name in names else name.lower()
         if name not in names:
             raise UnknownName(f"{logical.name} has no parameter '{name}'", valid=names, given=name)
         parameter = logical.parameter(name)
-        if not value:
+        if not value and not parameter.is_fixed:
             ranged[name] = parameter
+        elif not value:
+            raise InvalidRequest(f"{name} has no range", valid=[f"{name}=LOW..HIGH"])
         elif "," in value or not any(mark in value for mark in ("..", "±", ">", "<")):
             valued[name] = [parse_quantity(one) for one in value.split(",")]
         else:
@@ -208,12 +212,12 @@ def _axes(
                 raise InvalidRequest(f"{name}: {low:g} to {high:g} is not a range", valid=[f"{name}=LOW..HIGH"])
             ranged[name] = parameter.model_copy(update={"low": low, "high": high})
     for name in names:
-        if len(ranged) < 2 and name not in ranged and name not in valued:
+        if len(ranged) < 2 and name not in ranged and name not in valued and not logical.parameter(name).is_fixed:
             ranged[name] = logical.parameter(name)
     if len(ranged) != 2:
         raise InvalidRequest(
             f"a map needs two parameters with ranges, not {len(ranged)}",
-            valid=[f"{one.name}={one.low:g}..{one.high:g}" for one in logical.parameters],
+            valid=[f"{one.name}={_range_of(one)}" for one in logical.parameters],
             next_step="give two ranges in 'over', and values for the others",
         )
     one, other = ranged.values()
@@ -224,6 +228,10 @@ def _axes(
             f"these values give {len(slices)} slices", valid=[f"at most {_MOST_SLICES}"], next_step="give fewer values"
         )
     return (one, other), slices
+
+
+def _range_of(parameter: Parameter) -> str:
+    return "LOW..HIGH" if parameter.is_fixed else f"{parameter.low:g}..{parameter.high:g}"
 
 
 async def _base(text: str, context: WorkflowContext) -> tuple[Artifact, int | None]:
@@ -316,6 +324,7 @@ class _Exploration:
             points=tuple(MapPoint(place=place, evaluation=found[place]) for place in sorted(found)),
             cells=tuple((*cell.low, cell.size) for cell in search.cells),
             areas=tuple(areas),
+            rate=None if is_reference else _rate(self.plan, at, search),
         )
 
     async def _evaluate(
@@ -394,6 +403,41 @@ class _Exploration:
         append_text(self._path, "".join(lines), "the exploration")
 
 
+def _rate(plan: _Plan, at: dict[str, float], search: BoundarySearch) -> FailureRate | None:
+    """Return the avoidable failures per million encounters, if a mapped parameter has a distribution."""
+    if all(axis.distribution is None for axis in plan.axes):
+        return None
+    one, other = plan.axes
+    found = area_of(
+        "failed_avoidably",
+        search,
+        (lambda place: one.share_below(place / LATTICE), lambda place: other.share_below(place / LATTICE)),
+    )
+    million = 1_000_000
+    return FailureRate(
+        per_million=found.share * million,
+        low=found.low * million,
+        high=found.high * million,
+        assumptions=_assumptions(plan.axes, at),
+    )
+
+
+def _assumptions(axes: tuple[Parameter, Parameter], at: dict[str, float]) -> str:
+    """Return the assumptions of a rate, as clauses of one sentence."""
+    clauses = []
+    for axis in axes:
+        known = axis.distribution
+        within = f"{axis.name} from {axis.low:g} to {axis.high:g}"
+        if known is None:
+            clauses.append(f"all values of {within} are equally frequent")
+        else:
+            source = f" ({known.source})" if known.source else ""
+            clauses.append(f"{within} has its {known.kind} distribution{source}")
+    clauses.append("the two are independent")
+    clauses += [f"{name} is {value:g}" for name, value in at.items()]
+    return f"{', '.join(clauses[:-1])} and {clauses[-1]}"
+
+
 def _values(axes: tuple[Parameter, Parameter], place: tuple[int, int], at: dict[str, float]) -> dict[str, float]:
     mapped = {axis.name: round(axis.at_share(step / LATTICE), 4) for axis, step in zip(axes, place, strict=True)}
     return at | mapped
@@ -403,7 +447,8 @@ def _key(configuration: PlannerConfiguration, at: dict[str, float], place: tuple
     return json.dumps([configuration.config_id, sorted(at.items()), place])
 
 
-async def _finished(record: BoundaryRecord, context: WorkflowContext) -> ExploreBoundaryResult:
+async def _finished(record: BoundaryRecord, context: WorkflowContext, asked: str = "") -> ExploreBoundaryResult:
+    """Return the result of a stored map; ``asked``: the name by which its logical scenario was requested."""
     context.made("boundary", record.boundary_id)
     examples = []
     for one in record.maps:
@@ -420,18 +465,25 @@ async def _finished(record: BoundaryRecord, context: WorkflowContext) -> Explore
     return ExploreBoundaryResult(
         state="done",
         boundary_id=record.boundary_id,
-        headline=_headline(record),
+        headline=_headline(record, asked),
         maps=tuple(_summary(one) for one in record.maps),
         examples=tuple(examples),
         implausible=tuple(f"{reason} ({count})" for reason, count in reasons.most_common(_SHOWN_REASONS)),
+        notes=record.scenario.notes,
         next_step=f"render ids ['{record.boundary_id}'] for the map"
         + ("; modify_scenario with an example's edits repeats it" if examples else ""),
     ).with_record(record)
 
 
-def _headline(record: BoundaryRecord) -> str:
+def _headline(record: BoundaryRecord, asked: str) -> str:
     ranges = (f"{axis.name} {axis.low:g} to {axis.high:g} {axis.unit}".rstrip() for axis in record.axes)
-    return f"{record.scenario.name} over {' × '.join(ranges)}, on {record.base_id}"
+    mapped = f"{record.scenario.name} over {' × '.join(ranges)}, on {record.base_id}"
+    found = pre_crash_type(asked)
+    if found is None:
+        return mapped
+    others = [name for name in found.scenarios if name != record.scenario.name]
+    also = f", also in {' and '.join(others)}" if others else ""
+    return f"{mapped} (NHTSA's type {found.number}, {found.name.lower()}, {found.percent:.2f} % of crashes{also})"
 
 
 def _summary(one: BoundaryMap) -> MapSummary:
@@ -442,6 +494,7 @@ def _summary(one: BoundaryMap) -> MapSummary:
         at=one.at,
         points=len(one.points),
         areas=one.areas,
+        rate=one.rate,
     )
 
 

@@ -17,6 +17,9 @@
 ``Archive``: the failures of a search by cell.
 ``draw_road``: the operation that writes the file of a road.
 ``evaluate_points``: the operation that evaluates a batch of points.
+``catalogue``: returns the logical scenarios of the catalogue by name.
+``pre_crash_type``: returns the type that a text such as ``nhtsa:26`` names.
+``pre_crash_types``: returns the types of NHTSA's pre-crash typology, with the logical scenarios of each.
 ``read_logical_scenario``: the operation that returns a logical scenario by name or from a file.
 ``ROADS``: the names of the roads that logical scenarios may use.
 """
@@ -31,6 +34,7 @@ if TYPE_CHECKING:
     from .concrete import concrete_edits
     from .evaluation import Evaluator
     from .finding import evaluate_in_space, open_space, propose_points, shrink_failure
+    from .logical import catalogue, pre_crash_type, pre_crash_types
     from .points import draw_road, evaluate_points, read_logical_scenario
     from .roads import ROADS
     from .search import FailureSearch, Point, Score, Stratum

@@ -10,13 +10,14 @@ the corners. The sequence depends only on labels and seed, so an interrupted sea
 import math
 import random
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from statistics import NormalDist
 
 Place = tuple[int, int]
 """A point of the lattice."""
+_Spot = tuple[float, float]
 
 START, LEVELS = 4, 4
 """Cells along each side of the first grid, and how often a cell may be halved: 64 cells along a side (chosen)."""
@@ -208,26 +209,61 @@ class Area:
     high: float
 
 
-def area_of(label: str, search: BoundarySearch) -> Area:
-    """Return the area of a label; a cell without any labelled point may belong to it."""
+ShareBelow = Callable[[float], float]
+"""Returns the share of values along one parameter up to a place of the lattice, from 0 to 1."""
+
+
+@dataclass(frozen=True)
+class _Weights:
+    """The weights of the square by the shares of values below a place, along both parameters."""
+
+    below: tuple[ShareBelow, ShareBelow]
+
+    def mass(self, low: _Spot, high: _Spot) -> float:
+        """Return the weight of a rectangle."""
+        return math.prod(below(end) - below(begin) for below, begin, end in zip(self.below, low, high, strict=True))
+
+    def own(self, label: str, cell: Cell, search: BoundarySearch) -> float:
+        """Return the weight of a label in a cell."""
+        return sum(self.mass(low, high) for found, low, high in _samples_in(cell, search) if found == label)
+
+
+def area_of(label: str, search: BoundarySearch, below: tuple[ShareBelow, ShareBelow] | None = None) -> Area:
+    """Return the area of a label; a cell without any labelled point may belong to it.
+
+    Args:
+        label: the label.
+        search: a finished search.
+        below: how often values occur along both parameters, which are taken as independent; by default equally often.
+            With them, the error inside a cell with one edge is at most the weight of the rectangle around the chord.
+    """
     share = low = high = hidden = 0.0
+    weights = None if below is None else _Weights(below)
     for cell in search.cells:
+        (x, y), size = cell.low, cell.size
+        area = cell.area if weights is None else weights.mass(cell.low, (x + size, y + size))
         known = {search.labels[place] for place in (*cell.corners, cell.center) if place in search.labels}
         if label not in known:
             if known:
-                hidden += cell.area if len(known) == 1 else 0.0
+                hidden += area if len(known) == 1 else 0.0
             else:
-                high += cell.area
+                high += area
             continue
-        own = cell.area * _share_in(label, cell, search)
+        if weights is None or len(known) == 1:
+            own = area * _share_in(label, cell, search)
+        else:
+            own = weights.own(label, cell, search)
         chord = _chord(cell, search)
-        spread = cell.area if len(known) > 1 else 0.0
+        spread = area if len(known) > 1 else 0.0
         if chord is not None:
             (x1, y1), (x2, y2) = chord
-            spread = abs((x2 - x1) * (y2 - y1)) / SIZE**2 / 2 + cell.size / SIZE**2
+            if weights is None:
+                spread = abs((x2 - x1) * (y2 - y1)) / SIZE**2 / 2 + cell.size / SIZE**2
+            else:
+                spread = weights.mass((min(x1, x2), min(y1, y2)), (max(x1, x2), max(y1, y2))) + area / size
         share += own
         low += max(own - spread, 0.0)
-        high += min(own + spread, cell.area)
+        high += min(own + spread, area)
     checked, odd = search.checks
     unseen = hidden * _upper_share(odd, checked) if checked else hidden
     return Area(share, low, min(high + unseen, 1.0))
@@ -240,12 +276,18 @@ _SAMPLES = 8
 def _share_in(label: str, cell: Cell, search: BoundarySearch) -> float:
     if len({search.labels.get(place) for place in (*cell.corners, cell.center)} - {None}) == 1:
         return 1.0
-    steps = [(index + 0.5) / _SAMPLES * cell.size for index in range(_SAMPLES)]
-    found = [_label_in(cell, (cell.low[0] + x, cell.low[1] + y), search) for x in steps for y in steps]
+    found = [known for known, _, _ in _samples_in(cell, search)]
     return found.count(label) / len(found)
 
 
-_Spot = tuple[float, float]
+def _samples_in(cell: Cell, search: BoundarySearch) -> Iterator[tuple[str | None, _Spot, _Spot]]:
+    """Yield the label of each small square of a cell, by its centre, with the square's lower and upper corner."""
+    side = cell.size / _SAMPLES
+    for column in range(_SAMPLES):
+        for row in range(_SAMPLES):
+            low = cell.low[0] + column * side, cell.low[1] + row * side
+            high = low[0] + side, low[1] + side
+            yield _label_in(cell, (low[0] + side / 2, low[1] + side / 2), search), low, high
 
 
 def _chord(cell: Cell, search: BoundarySearch) -> tuple[_Spot, _Spot] | None:

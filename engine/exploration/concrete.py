@@ -1,9 +1,7 @@
 """Concrete scenarios: values of a logical scenario's parameters give a list of ordinary edits."""
 
-import ast
-import operator
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
@@ -11,17 +9,12 @@ from pydantic import ValidationError
 from ...schemas.errors import InvalidRequest
 from ...schemas.exploration import Curve, LogicalScenario
 from ...schemas.modification import Edit
+from .formulas import value_of
 
 DECIMALS = 4
 """Values are rounded to this many decimals, below what any actor's motion shows, so that they are short in edits."""
 Known = TypeVar("Known", bound=float | str)
 _REFERENCE = re.compile(r"\$(?:\{(\w+)\}|(\w+))")
-_OPERATORS: Mapping[type, Callable[[float, float], float]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-}
 
 
 def concrete_edits(logical: LogicalScenario, values: Mapping[str, float]) -> tuple[Edit, ...]:
@@ -38,7 +31,11 @@ def concrete_edits(logical: LogicalScenario, values: Mapping[str, float]) -> tup
     known = {one.name: round(values.get(one.name, one.base_value), DECIMALS) for one in logical.parameters}
     texts: dict[str, str] = {}
     for name, rule in logical.derived.items():
-        found = rule.value(_known(rule.of, known, logical)) if isinstance(rule, Curve) else _value(rule, known, logical)
+        found = (
+            rule.value(_known(rule.of, known, logical))
+            if isinstance(rule, Curve)
+            else value_of(rule, known, logical.name)
+        )
         if isinstance(found, str):
             texts[name] = found
         else:
@@ -80,25 +77,3 @@ def _text(value: float | str) -> str:
     if isinstance(value, str):
         return value
     return f"{value:.{DECIMALS}f}".rstrip("0").rstrip(".") or "0"
-
-
-def _value(formula: str, known: Mapping[str, float], logical: LogicalScenario) -> float:
-    """Return the value of a formula made of numbers, names, ``+ - * /`` and parentheses."""
-    try:
-        return _computed(ast.parse(formula, mode="eval").body, known, logical)
-    except (SyntaxError, ZeroDivisionError) as error:
-        raise InvalidRequest(f"{logical.name}: the formula '{formula}' cannot be computed: {error}") from error
-
-
-def _computed(node: ast.expr, known: Mapping[str, float], logical: LogicalScenario) -> float:
-    if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
-        return _OPERATORS[type(node.op)](_computed(node.left, known, logical), _computed(node.right, known, logical))
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-        return -_computed(node.operand, known, logical)
-    if isinstance(node, ast.Name):
-        return _known(node.id, known, logical)
-    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
-        return float(node.value)
-    raise InvalidRequest(
-        f"{logical.name}: '{ast.unparse(node)}' is not allowed in a formula", valid=["numbers, parameters, + - * / ( )"]
-    )

@@ -2,7 +2,8 @@
 
 The edits and the run are those of ``modify_scenario`` and ``run_planner``: the driven states are equal bit for bit to
 those of the stored scenario's run, up to the step at which this run is stopped. A run is stopped after the horizon, or
-once every other road user is gone, is behind the ego and not faster, or stands while the ego stands too.
+once every other road user is gone, is behind the ego and not faster, or stands while the ego stands too. If there is
+no other road user, a run lasts until the horizon.
 """
 
 import math
@@ -301,6 +302,8 @@ class _Ending:
 
     def _all_apart(self, run: DrivenRun) -> bool:
         ego, length_m = run.states[-1], _length_m(run)
+        if not (run.traffic.moving or run.traffic.standing):
+            return False
         if run.traffic.triggers and any(one.code == "trigger_not_fired" for one in run.traffic.triggers):
             return False
         if any(track.first_step > ego.step for track in run.traffic.moving):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ...schemas.boundaries import DescribeLogicalRequest, DrawRoadRequest, PointsRequest, PointsResponse, RoadDrawn
 from ...schemas.exploration import EncounterSetting, LogicalScenario
-from ..execution import ProgressReporter
+from ..execution import Limits, ProgressReporter
 from .concrete import concrete_edits
 from .evaluation import Evaluator
 from .logical import logical_scenario, logical_scenario_in
@@ -12,17 +12,18 @@ from .roads import write_road
 
 
 def read_logical_scenario(request: DescribeLogicalRequest, report: ProgressReporter) -> LogicalScenario:
-    """Return a logical scenario of the catalogue, or of a YAML file.
+    """Return a logical scenario of the catalogue, of a YAML file, or of an OpenSCENARIO file.
 
     Raises:
         UnknownName: there is no such logical scenario.
         UnsafeInput: the file cannot be read.
-        InvalidRequest: the file does not contain logical scenarios.
+        OutsideRoots: an OpenSCENARIO file refers to a file elsewhere.
+        InvalidRequest: the file does not contain logical scenarios, or they cannot be used.
     """
     report(1.0, "read")
     if request.path is None:
         return logical_scenario(request.name)
-    return logical_scenario_in(Path(request.path), request.name)
+    return logical_scenario_in(Path(request.path), request.name, Limits(request.roots).allowed_path)
 
 
 def draw_road(request: DrawRoadRequest, report: ProgressReporter) -> RoadDrawn:

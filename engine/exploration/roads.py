@@ -19,6 +19,8 @@ _POINT_EVERY_M = 25.0
 _STEP_S = 0.1
 _LAST_STEP = 200
 """A road's scenario lasts 20 s, longer than any horizon of the catalogue."""
+_LONG_STEP, _LONG_M = 600, 3000.0
+"""The duration of a long road's scenario (60 s, the longest horizon), and the road's length (chosen)."""
 _Point = tuple[float, float]
 
 
@@ -33,6 +35,7 @@ class _Lane:
     left: tuple[int, bool] | None = None
     right: tuple[int, bool] | None = None
     light: int | None = None
+    sign: int | None = None
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,10 @@ class _Goal:
 
 @dataclass(frozen=True)
 class _Road:
-    """A road with an ego (x, y, heading, speed). Without a goal region, the ego drives on until the scenario ends."""
+    """A road with an ego (x, y, heading, speed). Without a goal region, the ego drives on until the scenario ends.
+
+    ``stops``: the stop signs, each at the end of the lanelets that refer to it. ``last_step``: the end of its scenario.
+    """
 
     name: str
     summary: str
@@ -55,6 +61,8 @@ class _Road:
     ego: tuple[float, float, float, float]
     goal: _Goal | None = None
     lights: Mapping[int, str] = field(default_factory=dict)
+    stops: tuple[int, ...] = ()
+    last_step: int = _LAST_STEP
 
     def xml(self) -> str:
         """Return the file's text (format 2020a)."""
@@ -67,6 +75,7 @@ class _Road:
             "  <gpsLongitude>999</gpsLongitude></location>",
             "  <scenarioTags><simulated/></scenarioTags>",
             *(_lanelet(lane) for lane in self.lanes),
+            *(_stop(key, next(lane.center[-1] for lane in self.lanes if lane.sign == key)) for key in self.stops),
             *(_light(key, colour, self._end_before(key)) for key, colour in self.lights.items()),
             self._problem(),
             "</commonRoad>",
@@ -79,7 +88,7 @@ class _Road:
 
     def _problem(self) -> str:
         x, y, heading, speed = self.ego
-        goal, steps = "", (_LAST_STEP, _LAST_STEP)
+        goal, steps = "", (self.last_step, self.last_step)
         if self.goal is not None:
             (gx, gy), (length, width), turned = self.goal.center, self.goal.size, self.goal.heading_rad
             steps = self.goal.steps
@@ -108,7 +117,11 @@ def _lanelet(lane: _Lane) -> str:
     for name, neighbour in (("adjacentLeft", lane.left), ("adjacentRight", lane.right)):
         if neighbour is not None:
             parts.append(f'    <{name} ref="{neighbour[0]}" drivingDir="{"same" if neighbour[1] else "opposite"}"/>')
+    if lane.sign is not None:
+        parts.append("    <stopLine><lineMarking>solid</lineMarking></stopLine>")
     parts.append("    <laneletType>urban</laneletType>")
+    if lane.sign is not None:
+        parts.append(f'    <trafficSignRef ref="{lane.sign}"/>')
     if lane.light is not None:
         parts.append(f'    <trafficLightRef ref="{lane.light}"/>')
     return "\n".join([*parts, "  </lanelet>"])
@@ -122,6 +135,14 @@ def _aside(center: tuple[_Point, ...], side: float) -> list[_Point]:
         angle = math.atan2(after[1] - before[1], after[0] - before[0])
         found.append((x - side * math.sin(angle) * LANE_M / 2, y + side * math.cos(angle) * LANE_M / 2))
     return found
+
+
+def _stop(key: int, position: _Point) -> str:
+    return (
+        f'  <trafficSign id="{key}"><trafficSignElement><trafficSignID>206</trafficSignID></trafficSignElement>'
+        f"<position><point><x>{position[0]:g}</x><y>{position[1]:g}</y></point></position><virtual>false</virtual>"
+        f"</trafficSign>"
+    )
 
 
 def _light(key: int, colour: str, position: _Point) -> str:
@@ -165,72 +186,152 @@ def _arc(radius_m: float, begin_deg: float, end_deg: float) -> tuple[_Point, ...
     return tuple((radius_m * math.cos(angle), radius_m * math.sin(angle)) for angle in angles)
 
 
-def _three_lanes() -> _Road:
+def _three_lanes(name: str = "three_lanes", length_m: float = 1300.0, last_step: int = _LAST_STEP) -> _Road:
     lanes = tuple(
         _Lane(
             key,
-            _line((0.0, y), (1300.0, y)),
+            _line((0.0, y), (length_m, y)),
             left=(key + 1, True) if key < 3 else None,
             right=(key - 1, True) if key > 1 else None,
         )
         for key, y in ((1, -LANE_M), (2, 0.0), (3, LANE_M))
     )
-    return _Road(
-        "three_lanes", "a straight road of three lanes, with the ego in the middle one", lanes, (300, 0, 0, 25)
-    )
+    summary = "a straight road of three lanes, with the ego in the middle one"
+    return _Road(name, summary, lanes, (300, 0, 0, 25), last_step=last_step)
 
 
-def _two_way() -> _Road:
+def _two_way(name: str = "two_way", length_m: float = 1200.0, last_step: int = _LAST_STEP) -> _Road:
     lanes = (
-        _Lane(1, _line((0.0, 0.0), (1200.0, 0.0)), left=(2, False)),
-        _Lane(2, _line((1200.0, LANE_M), (0.0, LANE_M)), left=(1, False)),
+        _Lane(1, _line((0.0, 0.0), (length_m, 0.0)), left=(2, False)),
+        _Lane(2, _line((length_m, LANE_M), (0.0, LANE_M)), left=(1, False)),
     )
-    return _Road("two_way", "a straight road with one lane in each direction", lanes, (200, 0, 0, 13.9))
+    summary = "a straight road with one lane in each direction"
+    return _Road(name, summary, lanes, (200, 0, 0, 13.9), last_step=last_step)
+
+
+def _long_three_lanes() -> _Road:
+    return _three_lanes("three_lanes_long", _LONG_M, _LONG_STEP)
+
+
+def _long_two_way() -> _Road:
+    return _two_way("two_way_long", _LONG_M, _LONG_STEP)
+
+
+_CURVE_M = 60.0
+
+
+def _curve_road() -> _Road:
+    """Return a road that leads east, turns left through a right angle, and leads north."""
+    bend = tuple((x + 150.0, y + _CURVE_M) for x, y in _arc(_CURVE_M, -90.0, 0.0))
+    end = (150.0 + _CURVE_M, _CURVE_M)
+    lanes = (
+        _Lane(1, _line((0.0, 0.0), (150.0, 0.0)), successors=(2,)),
+        _Lane(2, bend, successors=(3,), predecessors=(1,)),
+        _Lane(3, _line(end, (end[0], end[1] + 800.0)), predecessors=(2,)),
+    )
+    return _Road("curve", "a road of one lane with a left curve of 60 m radius", lanes, (60, 0, 0, 10))
 
 
 _HALF_M, _ARM_M = 12.0, 220.0
 """Half the size of a crossing, and where its arms end."""
+_TURNS: Mapping[int, tuple[int, int]] = {51: (11, 32), 52: (21, 42), 53: (31, 12), 54: (41, 22), 55: (11, 42)}
+"""The ways over a crossing: straight on for all, and the left turn from the south."""
+_INTO_NORTH: Mapping[int, tuple[int, int]] = {56: (21, 32), 57: (41, 32)}
+"""The turns into the northern arm: right from the east, and left from the west."""
+_FROM_RIGHT_LANE: Mapping[int, tuple[int, int]] = {58: (13, 42)}
+"""The left turn from a second lane of the southern arm, across the first one."""
 
 
-def _crossing(name: str, summary: str, goal: _Goal, *, lights: bool = False) -> _Road:
-    """Return a crossing: arm k (south, east, north, west) has the lanes 10k + 1 to the crossing and 10k + 2 from it."""
+def _crossing(
+    name: str,
+    summary: str,
+    goal: _Goal,
+    *,
+    lights: Mapping[int, str] | None = None,
+    stops: bool = False,
+    more: Mapping[int, tuple[int, int]] | None = None,
+) -> _Road:
+    """Return a crossing: arm k (south, east, north, west) has the lanes 10k + 1 to the crossing and 10k + 2 from it.
+
+    Args:
+        name: the road's name.
+        summary: what the road looks like.
+        goal: the ego's goal.
+        lights: the colours for the north-south road (101) and for the other one (102), if there are traffic lights.
+        stops: whether the east-west road has stop signs.
+        more: turns in addition to the usual ones. A turn from lane 13 adds this lane to the right of lane 11.
+    """
     half, far, off = _HALF_M, _ARM_M, LANE_M / 2
+    turns = {**_TURNS, **(more or {})}
+    has_second = any(begin == 13 for begin, _ in turns.values())
     inward = {11: ((off, -far), (off, -half)), 21: ((far, off), (half, off))}
     inward |= {31: ((-off, far), (-off, half)), 41: ((-far, -off), (-half, -off))}
+    if has_second:
+        inward |= {13: ((off + LANE_M, -far), (off + LANE_M, -half))}
     outward = {12: ((-off, -half), (-off, -far)), 22: ((half, -off), (far, -off))}
     outward |= {32: ((off, half), (off, far)), 42: ((-half, off), (-far, off))}
-    turns = {51: (11, 32), 52: (21, 42), 53: (31, 12), 54: (41, 22), 55: (11, 42)}
     lit = {11: 101, 31: 101, 21: 102, 41: 102} if lights else {}
+    signed = {21: 201, 41: 202} if stops else {}
     lanes = []
     for key, (start, end) in inward.items():
         following = tuple(turn for turn, (begin, _) in turns.items() if begin == key)
-        light = lit.get(key)
-        lanes.append(_Lane(key, _line(start, end), successors=following, left=(key + 1, False), light=light))
+        left = (11, True) if key == 13 else (key + 1, False)
+        right = (13, True) if key == 11 and has_second else None
+        lanes.append(
+            _Lane(key, _line(start, end), following, left=left, right=right, light=lit.get(key), sign=signed.get(key))
+        )
     for key, (start, end) in outward.items():
         before = tuple(turn for turn, (_, last) in turns.items() if last == key)
         lanes.append(_Lane(key, _line(start, end), predecessors=before, left=(key - 1, False)))
     for turn, (begin, last) in turns.items():
         start, end = inward[begin][1], outward[last][0]
-        center = _line(start, end) if turn != 55 else _curve(start, math.pi / 2, end, math.pi)
+        heading_rad, after_rad = _heading(inward[begin]), _heading(outward[last])
+        center = _line(start, end) if heading_rad == after_rad else _curve(start, heading_rad, end, after_rad)
         lanes.append(_Lane(turn, center, (last,), (begin,)))
-    colours = {101: "green", 102: "red"} if lights else {}
-    return _Road(name, summary, tuple(lanes), (off, -72.0, math.pi / 2, 12.0), goal, colours)
+    ego = (off, -72.0, math.pi / 2, 12.0)
+    return _Road(name, summary, tuple(lanes), ego, goal, dict(lights or {}), tuple(signed.values()))
+
+
+def _heading(way: tuple[_Point, _Point]) -> float:
+    (x, y), (to_x, to_y) = way
+    return math.atan2(to_y - y, to_x - x)
+
+
+_NORTH = _Goal((LANE_M / 2, 170.0), (60.0, LANE_M), math.pi / 2, (150, 250))
+_WEST = _Goal((-170.0, LANE_M / 2), (60.0, LANE_M), math.pi, (200, 300))
 
 
 def _straight_over() -> _Road:
-    goal = _Goal((LANE_M / 2, 170.0), (60.0, LANE_M), math.pi / 2, (150, 250))
-    return _crossing("crossing_straight", "a crossing, with the ego going straight on", goal)
+    return _crossing("crossing_straight", "a crossing, with the ego going straight on", _NORTH)
 
 
 def _left_turn() -> _Road:
-    goal = _Goal((-170.0, LANE_M / 2), (60.0, LANE_M), math.pi, (200, 300))
-    return _crossing("crossing_left", "a crossing, with the ego turning left", goal)
+    return _crossing("crossing_left", "a crossing, with the ego turning left", _WEST)
 
 
 def _with_lights() -> _Road:
-    goal = _Goal((LANE_M / 2, 170.0), (60.0, LANE_M), math.pi / 2, (150, 250))
     summary = "a crossing with traffic lights: green for the ego, which goes straight on, red for crossing traffic"
-    return _crossing("crossing_lights", summary, goal, lights=True)
+    return _crossing("crossing_lights", summary, _NORTH, lights={101: "green", 102: "red"})
+
+
+def _left_turn_with_lights() -> _Road:
+    summary = "a crossing with traffic lights: green for the ego, which turns left, and for oncoming traffic"
+    return _crossing("crossing_left_lights", summary, _WEST, lights={101: "green", 102: "red"})
+
+
+def _turns_with_lights() -> _Road:
+    summary = "a crossing with traffic lights: green for the ego, which goes straight on, red for turns into its road"
+    return _crossing("crossing_turns_lights", summary, _NORTH, lights={101: "green", 102: "red"}, more=_INTO_NORTH)
+
+
+def _turns_with_stops() -> _Road:
+    summary = "a crossing with stop signs for crossing traffic, with the ego going straight on"
+    return _crossing("crossing_stop", summary, _NORTH, stops=True, more=_INTO_NORTH)
+
+
+def _two_lanes_to_crossing() -> _Road:
+    summary = "a crossing with the ego going straight on in the left of two lanes"
+    return _crossing("crossing_two_lanes", summary, _NORTH, more=_FROM_RIGHT_LANE)
 
 
 def _merge() -> _Road:
@@ -286,9 +387,16 @@ def _along_ring(angle_deg: float) -> float:
 _DRAWN: Mapping[str, Callable[[], _Road]] = {
     "three_lanes": _three_lanes,
     "two_way": _two_way,
+    "three_lanes_long": _long_three_lanes,
+    "two_way_long": _long_two_way,
     "crossing_straight": _straight_over,
     "crossing_left": _left_turn,
     "crossing_lights": _with_lights,
+    "crossing_left_lights": _left_turn_with_lights,
+    "crossing_turns_lights": _turns_with_lights,
+    "crossing_stop": _turns_with_stops,
+    "crossing_two_lanes": _two_lanes_to_crossing,
+    "curve": _curve_road,
     "merge": _merge,
     "roundabout": _roundabout,
 }

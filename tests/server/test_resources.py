@@ -40,6 +40,8 @@ COMPUTED = {
     f"{SCHEME}vocabulary/tags": ("roundabout", "application/json"),
     f"{SCHEME}vocabulary/edits": ("reroute", "application/json"),
     f"{SCHEME}vocabulary/behaviours": ("accel=", "application/json"),
+    f"{SCHEME}vocabulary/logical_scenarios": ("crossing_cyclist", "application/json"),
+    f"{SCHEME}vocabulary/pre_crash_types": ("nhtsa:26", "application/json"),
     f"{SCHEME}preset/frenetix/Comfort": ("jerk", "application/yaml"),
 }
 """What is made when it is read, and a word of it."""

@@ -266,6 +266,7 @@ CASES: dict[str, Case] = {
         {"scenario": "cut_in", "configs": ["keep_lane"], "points": 30, "references": False},
         (
             Bad({"scenario": "cut_inn"}, ("cut_inn", "cut_in")),
+            Bad({"scenario": "nhtsa:8"}, ("backing up", "nhtsa:26")),
             Bad({"scenario": "cut_in", "over": ["gap=1..2"]}, ("'gap'", "gap_m")),
             Bad({"scenario": "cut_in", "over": ["gap_m=9..3"]}, ("gap_m",)),
             Bad(

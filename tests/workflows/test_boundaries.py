@@ -7,15 +7,17 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from support.tree import CHECKOUT
+from support.openscenario import single, story, varied
 
 from benchmarks.harness import call_in_process
+from plannerforge.engine.execution import Limits
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.exploration.logical import catalogue
+from plannerforge.engine.exploration import BoundarySearch
 from plannerforge.engine.planners.runs import run_planner
 from plannerforge.engine.workspace import Workspace
-from plannerforge.schemas.boundaries import BoundaryRecord, ExploreBoundaryArguments, PointsRequest
-from plannerforge.schemas.errors import InvalidRequest, ResourceFailure, UnknownName
+from plannerforge.schemas.boundaries import LATTICE, BoundaryRecord, ExploreBoundaryArguments, MapSummary, PointsRequest
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, OutsideRoots, ResourceFailure, UnknownName
+from plannerforge.schemas.exploration import Distribution
 from plannerforge.schemas.modification import ModifyScenarioArguments
 from plannerforge.schemas.planning import RunRequest
 from plannerforge.schemas.rendering import RenderArguments
@@ -132,10 +134,63 @@ async def test_a_map_is_drawn(context: WorkflowContext) -> None:
     assert Path(drawing.made.images[0].path).stat().st_size > 10_000
 
 
+@pytest.mark.anyio
+async def test_an_openscenario_file_is_mapped_with_notes_on_what_it_leaves_out(
+    context: WorkflowContext, tmp_path: Path
+) -> None:
+    own = WorkflowContext(replace(context.services, limits=Limits((tmp_path,))))
+    (tmp_path / "story.xosc").write_text(story(), encoding="utf-8")
+    limits = '<Range lowerLimit="20" upperLimit="60"/>'
+    (tmp_path / "ranges.xosc").write_text(
+        varied(
+            single("Gap", f"<UniformDistribution>{limits}</UniformDistribution>")
+            + single("Rate", '<NormalDistribution expectedValue="4" variance="1"/>')
+            + single("Lane", "<ProbabilityDistributionSet><Element value='l' weight='1'/></ProbabilityDistributionSet>")
+        ),
+        encoding="utf-8",
+    )
+    given = {"scenario": str(tmp_path / "ranges.xosc"), "over": ["Gap=20..40", "Rate", "Speed=72"]}
+    plan = await boundaries._plan(ExploreBoundaryArguments(**{**SMALL, **given}), own)
+    assert [axis.name for axis in plan.axes] == ["gap", "rate"]
+    assert plan.slices == ({"speed": 72.0},)
+    assert plan.base.artifact_id.startswith("ZAM_ThreeLanesLong")
+    record, _ = await explored(context)
+    result = await boundaries._finished(record.model_copy(update={"scenario": plan.logical, "maps": ()}), own)
+    assert any("Lane" in note for note in result.notes)
+    assert any("Lane" in warning for warning in result.answer().warnings)
+    with pytest.raises(OutsideRoots):
+        await boundaries._plan(ExploreBoundaryArguments(**{**SMALL, "scenario": "/etc/ranges.xosc"}), own)
+    with pytest.raises(InvalidRequest) as refusal:
+        await boundaries._plan(ExploreBoundaryArguments(**{**SMALL, **given, "over": ["Speed"]}), own)
+    assert refusal.value.valid == ("speed=LOW..HIGH",)
+
+
+@pytest.mark.anyio
+async def test_a_rate_weighs_the_failures_by_the_distributions_of_the_parameters(context: WorkflowContext) -> None:
+    plan = await boundaries._plan(ExploreBoundaryArguments(**SMALL), context)
+    search = BoundarySearch(60)
+    while places := search.ask():
+        search.tell({place: "failed_avoidably" if place[0] < LATTICE / 2 else "safe" for place in places})
+    assert boundaries._rate(plan, plan.slices[0], search) is None
+    gap, closing = plan.axes
+    bins = ((gap.low, (gap.low + gap.high) / 2, 1.0), ((gap.low + gap.high) / 2, gap.high, 9.0))
+    known = gap.model_copy(update={"distribution": Distribution(kind="histogram", bins=bins, source="counted")})
+    rate = boundaries._rate(replace(plan, axes=(known, closing)), {"ego_speed_mps": 20.0}, search)
+    assert rate is not None
+    assert rate.low <= 100_000 <= rate.high
+    assert rate.per_million == pytest.approx(100_000, rel=0.1)
+    words = ("gap_m", "histogram", "counted", "closing_mps", "equally frequent", "independent", "ego_speed_mps is 20")
+    assert all(word in rate.in_words() for word in words)
+    mapped = MapSummary(config_id="c", config_name="n", points=60, areas=(), rate=rate)
+    assert rate.in_words() in mapped.in_words()
+
+
 @pytest.mark.parametrize(
     ("given", "error"),
     [
         ({"scenario": "cut_inn"}, UnknownName),
+        ({"scenario": "nhtsa:1"}, NotPossible),
+        ({"scenario": "nhtsa:40"}, UnknownName),
         ({"over": ["gap=4..9"]}, UnknownName),
         ({"over": ["gap_m=9..4"]}, InvalidRequest),
         ({"over": ["gap_m=5", "closing_mps=3", "lateral_mps=1"]}, InvalidRequest),
@@ -151,6 +206,10 @@ async def test_what_cannot_be_mapped_is_refused(
         await boundaries._plan(ExploreBoundaryArguments(**{**SMALL, **given}), context)
 
 
-def test_every_logical_scenario_is_documented() -> None:
-    page = (CHECKOUT / "docs" / "boundaries.md").read_text(encoding="utf-8")
-    assert [name for name in catalogue() if f"| `{name}` |" not in page] == []
+@pytest.mark.anyio
+async def test_a_map_of_a_pre_crash_type_names_the_type_and_its_other_scenarios(context: WorkflowContext) -> None:
+    record, _ = await explored(context)
+    named, asked = [await boundaries._finished(record, context, scenario) for scenario in ("cut_in", "nhtsa:18")]
+    assert "NHTSA" not in named.headline
+    assert "type 18" in asked.headline
+    assert "also in merge" in asked.headline

@@ -108,3 +108,23 @@ def test_an_interrupted_search_continues_with_the_labels_that_it_has() -> None:
         again.tell({place: whole.labels[place] for place in places})
     assert asked == []
     assert again.cells == whole.cells
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_the_bounds_of_a_weighted_area_contain_it(name: str) -> None:
+    function = FUNCTIONS[name]
+    at = [(index + 0.5) / 200 for index in range(200)]
+    true = sum(4 * x * y * (function(x, y) == "in") for x in at for y in at) / 200**2
+    area = area_of(
+        "in", searched(function, 150), (lambda place: (place / SIZE) ** 2, lambda place: (place / SIZE) ** 2)
+    )
+    assert area.low <= true <= area.high
+    assert area.share == pytest.approx(true, abs=0.02)
+    assert area.high - area.low < 0.3
+
+
+def test_equal_frequencies_weigh_like_the_area() -> None:
+    search = searched(_three, 100)
+    weighted = area_of("in", search, (lambda place: place / SIZE, lambda place: place / SIZE))
+    assert weighted.share == pytest.approx(area_of("in", search).share)
+    assert weighted.low <= area_of("in", search).low

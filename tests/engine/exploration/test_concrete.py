@@ -35,6 +35,34 @@ def test_derived_values_follow_from_formulas() -> None:
     assert edits[0].gap_s == pytest.approx(3.5)
 
 
+def test_formulas_have_the_functions_of_openscenario() -> None:
+    found = concrete_edits(
+        logical(
+            {**LEAD, "gap_s": "$x"},
+            derived={"x": "max(sqrt(pow(3, 2)), abs(0 - 2)) + 7 % 4 + sign(0 - 5) + round(2.5)"},
+        ),
+        {},
+    )
+    assert found[0].gap_s == 3 + 3 - 1 + 3
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [
+        "sqrt(0 - 1)",
+        "sqrt()",
+        "pow(1, 2, 3)",
+        "eval('1')",
+        "pow(9, 999)",
+        "(" * 300 + "1" + ")" * 300,
+        "1+" * 1500 + "1",
+    ],
+)
+def test_a_formula_that_cannot_be_computed_is_refused(formula: str) -> None:
+    with pytest.raises(InvalidRequest):
+        concrete_edits(logical({**LEAD, "gap_s": "$x"}, derived={"x": formula}), {})
+
+
 @pytest.mark.parametrize("formula", ["__import__('os')", "gap_s ** 2", "unknown + 1", "1 / 0", "gap_s +"])
 def test_a_formula_with_anything_else_is_refused(formula: str) -> None:
     with pytest.raises(InvalidRequest):
