@@ -171,7 +171,7 @@ class ExportArtifactsArguments(Arguments):
     """Write files of artifacts into a folder inside an allowed root.
 
     html: one report on scenarios and batches; solution: CommonRoad file of a run; csv, parquet: runs of a batch, steps
-    of a run; opendrive, openscenario: scenarios for other tools; openlabel: their tags; suite: runs or a batch as a
+    of a run. opendrive, openscenario: scenarios for other tools; openlabel: their tags; suite: runs or a batch as a
     test suite.
 
     Existing files are refused unless overwrite.

@@ -200,7 +200,7 @@ class ScenarioRecord(Model):
 
 
 class OpenLabelTags(Model):
-    """The tags of an OpenLABEL file: the file that it tags, CommonRoad's tags, and the types without such a tag."""
+    """The tags of an OpenLABEL file: the file that it tags, CommonRoad's tags, and the types without one."""
 
     tagged_file: str
     tags: tuple[str, ...]
