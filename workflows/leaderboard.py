@@ -6,6 +6,7 @@ Each boundary in a world is an exploration, which is stored and continues where 
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import get_args
 
 from ..engine.exploration import catalogue
 from ..engine.planners import PLANNERS
@@ -15,7 +16,7 @@ from ..schemas.boundaries import BoundaryRecord, ExploreBoundaryArguments
 from ..schemas.errors import NotPossible, PlannerForgeError, UnknownName
 from ..schemas.leaderboard import Leaderboard, LeaderboardLine, LeaderboardRequest, standing_of
 from ..schemas.rendering import ReportImage, ReportRequest, ReportSection, ReportTable
-from ..schemas.reviews import CAREFUL_DRIVERS
+from ..schemas.reviews import DriverModelName
 from ..schemas.scenarios import ScenarioRecord
 from .boundaries import explore_boundary
 from .context import WorkflowContext
@@ -25,6 +26,8 @@ from .rendering import draw
 BOARD_NAMES = ("leaderboard.html", "leaderboard.json")
 """The files of a leaderboard: the page, and everything on it with all digests."""
 _WAIT_S = 50.0
+_TOGETHER = 6
+"""How many planners one exploration compares, as its arguments allow."""
 
 
 async def make_leaderboard(
@@ -44,15 +47,16 @@ async def make_leaderboard(
         ResourceFailure: the folder cannot be written.
     """
     scenarios = request.scenarios or tuple(catalogue())
-    planners = request.planners or tuple(name for name in PLANNERS if name not in CAREFUL_DRIVERS)
+    planners = request.planners or tuple(name for name in PLANNERS if name not in get_args(DriverModelName))
     request = request.model_copy(update={"scenarios": tuple(scenarios), "planners": planners})
     lines, left_out, images = list[LeaderboardLine](), list[str](), list[ReportImage]()
     versions, bases = dict[str, str](), dict[str, str]()
-    wanted = [(scenario, world) for scenario in scenarios for world in request.worlds]
-    for number, (scenario, world) in enumerate(wanted):
+    parts = [planners[begin : begin + _TOGETHER] for begin in range(0, len(planners), _TOGETHER)]
+    wanted = [(scenario, world, part) for scenario in scenarios for world in request.worlds for part in parts]
+    for number, (scenario, world, part) in enumerate(wanted):
         show(number, len(wanted), f"{scenario} in the world {world}")
         try:
-            record = await _explored(request, scenario, world, context)
+            record = await _explored(request.model_copy(update={"planners": part}), scenario, world, context)
         except UnknownName:
             raise
         except PlannerForgeError as error:

@@ -65,7 +65,7 @@ _OF_CIRCUMSTANCES: Final[Mapping[str, str]] = {
     "night": "LowLightNight",
 }
 _AS_TAG: Final[Mapping[str, str]] = {
-    **{cls: tag for tag, cls in reversed(_OF_TAGS.items())},
+    **{cls: tag for tag, cls in _OF_TAGS.items()},
     "MotorwayManaged": "highway",
     "MotorwayUnmanaged": "highway",
     "RoadTypeMotorway": "highway",
