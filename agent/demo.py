@@ -310,7 +310,9 @@ async def _draw_and_export(session: _DemoSession, folder: Path, scenarios: list[
     await session.ask("render", {"ids": scenarios})
     files = {"ids": scenarios, "formats": ["xml", "recipe", "png"], "folder": str(folder)}
     await session.ask("export_artifacts", files)
-    await session.must("export_artifacts", {"ids": [scenarios[-1], batch_id], "formats": ["html"], "folder": str(folder)})
+    await session.must(
+        "export_artifacts", {"ids": [scenarios[-1], batch_id], "formats": ["html"], "folder": str(folder)}
+    )
 
 
 async def _find_failure(session: _DemoSession, folder: Path) -> None:
