@@ -18,7 +18,7 @@ SEED ?= 1
 	dist requirements bundle starter house chat-page tutorial-page reference docs train-rbfn format clean
 
 help:
-	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
+	@echo "make demo    set everything up, take a scenario through every stage, and find a failure (in demo-output/)"
 	@echo "make test    set everything up and run the tests"
 	@echo "make test-benchmarks"
 	@echo "             run the tests of the benchmarks, which are not in the package (developers)"

@@ -28,7 +28,17 @@ _SHOWN_LINES = 12
 _MOST_TRIES = 12
 """Maximum number of dry runs to find an edit of one kind (chosen)."""
 _MOST_WAITS = 20
-"""Maximum number of checks of the runs' job, of 20 s each (chosen)."""
+"""Maximum number of checks of a job, of 20 s each (chosen)."""
+_FAILURE_SEARCH: dict[str, Any] = {
+    "scenario_id": "ZAM_Fahrhausen-4_1_T-1",
+    "config": "idm:Default",
+    "runs": 40,
+    "until_first": True,
+    "shrink": True,
+    "wait_s": 20,
+}
+"""The search for a failure: near a scenario of the starter catalogue, where it takes seconds with the fastest planner
+(chosen)."""
 _KEPT_DEMOS = 100
 """Maximum number of numbered folders next to the requested one (chosen)."""
 
@@ -155,7 +165,8 @@ async def _stages(session: _DemoSession, scenario: Path | None, map_file: Path |
     scenarios = [scenario_id, *([modified_id] if modified_id else [])]
     batch_id, shown_run = await _configure_and_run(session, scenarios)
     await _compare(session, batch_id, shown_run)
-    await _draw_and_export(session, folder, scenarios, batch_id, shown_run)
+    await _draw_and_export(session, folder, scenarios, batch_id)
+    await _find_failure(session, folder)
 
 
 async def _begin(session: _DemoSession, scenario: Path | None, map_file: Path | None) -> str:
@@ -269,7 +280,7 @@ def _candidates(described: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
 
 
 async def _configure_and_run(session: _DemoSession, scenarios: list[str]) -> tuple[str, str]:
-    """Run two configurations on every scenario; return the id of the batch, and of the run for the animation."""
+    """Run two configurations on every scenario; return the id of the batch, and of the run for the timeline."""
     session.stage("Run", f"Frenetix's default against its {_OTHER_PRESET} preset, on {len(scenarios)} scenarios.")
     made = await session.must("configure_planner", {"preset": _OTHER_PRESET})
     grid = {"scenarios": scenarios, "configs": [_BASE_CONFIG, made["config_id"]], "wait_s": 20}
@@ -293,14 +304,31 @@ async def _compare(session: _DemoSession, batch_id: str, shown_run: str) -> None
     await session.ask("analyze_results", {"results": [shown_run], "detail": "timeline"})
 
 
-async def _draw_and_export(
-    session: _DemoSession, folder: Path, scenarios: list[str], batch_id: str, shown_run: str
-) -> None:
-    """Draw the scenarios and a run, and write everything to the user's folder."""
-    session.stage("Draw and report", f"Pictures, an animation, and a report, written to {folder}.")
+async def _draw_and_export(session: _DemoSession, folder: Path, scenarios: list[str], batch_id: str) -> None:
+    """Draw the scenarios, and write everything to the user's folder."""
+    session.stage("Draw and report", f"Pictures and a report, written to {folder}.")
     await session.ask("render", {"ids": scenarios})
-    await session.ask("render", {"ids": [shown_run], "kind": "animation"})
     files = {"ids": scenarios, "formats": ["xml", "recipe", "png"], "folder": str(folder)}
     await session.ask("export_artifacts", files)
-    await session.ask("export_artifacts", {"ids": [shown_run], "formats": ["gif"], "folder": str(folder)})
-    await session.must("export_artifacts", {"ids": [*scenarios, batch_id], "formats": ["html"], "folder": str(folder)})
+    await session.must(
+        "export_artifacts", {"ids": [scenarios[-1], batch_id], "formats": ["html"], "folder": str(folder)}
+    )
+
+
+async def _find_failure(session: _DemoSession, folder: Path) -> None:
+    """Search for a failure near a scenario of the starter catalogue, and draw it after its reduction."""
+    session.stage(
+        "Find a failure",
+        "Change a scenario until a planner fails where a careful driver would not, and leave out what the failure does "
+        "not need.",
+    )
+    found = await session.must("find_failures", _FAILURE_SEARCH)
+    for _ in range(_MOST_WAITS):
+        if found["state"] != "running":
+            break
+        found = await session.must("find_failures", _FAILURE_SEARCH)
+    for failure in (found["search"] or {"failures": []})["failures"]:
+        run = {"ids": [failure["shrunk"]["run_id"]]}
+        await session.ask("render", run)
+        await session.ask("render", {**run, "kind": "animation"})
+        await session.ask("export_artifacts", {**run, "formats": ["png", "gif"], "folder": str(folder)})

@@ -278,6 +278,32 @@ def install(
     raise typer.Exit(install_into(named_host(host), start_command(flags), home=Path.home(), print_only=print_only))
 
 
+@application.command()
+def leaderboard(
+    folder: Annotated[Path, typer.Argument(help="The folder of the page and its data.")] = Path("leaderboard"),
+    planner: Annotated[list[str] | None, typer.Option(help="A planner, PLANNER[:PRESET]; all by default.")] = None,
+    boundary: Annotated[list[str] | None, typer.Option(help="A logical scenario; all by default.")] = None,
+    world: Annotated[list[str] | None, typer.Option(help="A world of the sensors; perfect by default.")] = None,
+    points: Annotated[int, typer.Option(min=30, max=1000, help="The most points of each map.")] = 60,
+    seed: Annotated[int, typer.Option(help="The seed of traffic, and of the choice of points.")] = 0,
+    workspace: Workspace = None,
+    workers: Workers = None,
+) -> None:
+    """Compare planners over the standard boundaries, and write one page with digests of everything.
+
+    The same command continues after an interruption.
+    """
+    from ..schemas.leaderboard import LeaderboardRequest
+    from .leaderboard import write_leaderboard
+
+    given = {"planners": planner, "scenarios": boundary, "worlds": world}
+    request = LeaderboardRequest.model_validate(
+        {"points": points, "seed": seed, **{name: value for name, value in given.items() if value}}
+    )
+    settings = settings_from(workspace=workspace, roots=None, map_folders=None, workers=workers, warm_up=False)
+    raise typer.Exit(write_leaderboard(request, folder, settings))
+
+
 @application.command(name="test")
 def run_tests(
     suite: Annotated[Path, typer.Argument(help="The suite, a YAML file.", exists=True, dir_okay=False)],

@@ -31,6 +31,7 @@ ExportFormat = Literal[
     "parquet",
     "opendrive",
     "openscenario",
+    "openlabel",
     "suite",
 ]
 CostFunctionId = Literal["JB1", "SA1", "WX1", "SM1", "SM2", "SM3", "MW1", "TR1", "TR2"]
@@ -170,7 +171,8 @@ class ExportArtifactsArguments(Arguments):
     """Write files of artifacts into a folder inside an allowed root.
 
     html: one report on scenarios and batches; solution: CommonRoad file of a run; csv, parquet: runs of a batch, steps
-    of a run; opendrive, openscenario: scenarios for other tools; suite: runs or a batch as a test suite.
+    of a run. opendrive, openscenario: scenarios for other tools; openlabel: their tags; suite: runs or a batch as a
+    test suite.
 
     Existing files are refused unless overwrite.
     """
@@ -313,8 +315,8 @@ class ForeignExport(Model):
 
 
 class ImportFilesArguments(Arguments):
-    """Import CommonRoad files or folders, maps (.osm, .pbf, .net.xml) or cost YAML from an allowed root. Result: ids,
-    what was refused and why; over 100 files: a job."""
+    """Import CommonRoad files or folders, maps (.osm, .pbf, .net.xml), cost YAML or OpenLABEL tags from an allowed
+    root. Result: ids, what was refused and why; over 100 files: a job."""
 
     longest_texts: ClassVar[Mapping[str, int]] = {"path": LONGEST_PATH}
 

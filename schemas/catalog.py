@@ -8,6 +8,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result
+from .odd import OddCoverage
 from .text import counted, one_line
 from .vocabulary import Origin
 
@@ -31,6 +32,7 @@ class DescribeCatalogArguments(Arguments):
     within: str | None = Field(None, description="search id, country or place")
     offset: int = Field(0, ge=0)
     """Entries of the facet to skip."""
+    odd: str | None = Field(None, description="OpenODD file: what scenarios and runs cover of it")
 
 
 class CountryMaps(Model):
@@ -57,9 +59,15 @@ class DescribeCatalogResult(Result):
     facets: tuple[FacetCounts, ...] = Field(description="the counts, by facet")
     maps: tuple[CountryMaps, ...] = Field((), description="with facet maps: this page, by country")
     maps_rest: str = Field("", description="what is not on this page, and the call that shows it")
+    odd: OddCoverage | None = Field(
+        None, exclude_if=lambda odd: odd is None, description="with `odd`: what is covered of it, and what is missing"
+    )
 
     def answer(self) -> Answer:
         """Return one line per facet, the most frequent names first; maps by country, one line per map."""
+        if self.odd is not None:
+            headline, *lines = self.odd.lines()
+            return Answer(headline, listed=lines, next_step=self.odd.next_step)
         lines = []
         for facet in self.facets:
             note = f" ({facet.note})" if facet.note else ""

@@ -199,6 +199,14 @@ class ScenarioRecord(Model):
     supersedes: str | None = None
 
 
+class OpenLabelTags(Model):
+    """The tags of an OpenLABEL file: the file that it tags, CommonRoad's tags, and the types without one."""
+
+    tagged_file: str
+    tags: tuple[str, ...]
+    unread: tuple[str, ...] = ()
+
+
 class ReadFactsRequest(Model):
     """The file to read facts from, an accompanying SUMO network if it is imported too, and their maximum size.
 

@@ -15,10 +15,12 @@ from support.tree import CHECKOUT
 
 from plannerforge.cli.main import application
 from plannerforge.cli.suite import read_suite
+from plannerforge.engine.catalog import judge_odd
 from plannerforge.engine.execution import silent
 from plannerforge.engine.exploration import read_logical_scenario
 from plannerforge.schemas.base import Arguments
 from plannerforge.schemas.boundaries import DescribeLogicalRequest
+from plannerforge.schemas.odd import OddRequest
 from plannerforge.schemas.planning import CommandPlanner
 from plannerforge.tools.registry import TOOLS
 from plannerforge.workflows.analysis.suite import limits_of
@@ -95,11 +97,14 @@ def blocks_of(language: str) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(("page", "text"), blocks_of("yaml"), ids=lambda part: part[:40])
-def test_every_shown_suite_or_logical_scenario_can_be_read(page: str, text: str, tmp_path: Path) -> None:
+def test_every_shown_suite_scenario_or_odd_can_be_read(page: str, text: str, tmp_path: Path) -> None:
     file = tmp_path / "suite.yaml"
     file.write_text(text, encoding="utf-8")
     if page == "docs/boundaries.md":
         assert read_logical_scenario(DescribeLogicalRequest(path=str(file)), silent).edits
+        return
+    if page == "docs/coverage.md":
+        assert judge_odd(OddRequest(path=file), silent).missing
         return
     suite = read_suite(file)
     assert set(suite.limits) <= {limit.text for limit in limits_of(suite)}

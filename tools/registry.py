@@ -83,7 +83,15 @@ _ARTIFACTS, _SCENARIOS = calling("list_artifacts"), calling("list_artifacts", ki
 _RUNS, _JOBS = calling("list_artifacts", kind="run"), calling("list_artifacts", kind="job")
 
 TOOLS: tuple[ToolSpec, ...] = (
-    ToolSpec("describe_catalog", "Describe the catalogue", "scenarios", read_only=True, trial=(), looks=(_CATALOG,)),
+    ToolSpec(
+        "describe_catalog",
+        "Describe the catalogue",
+        "scenarios",
+        read_only=True,
+        seldom=("odd",),
+        trial=(),
+        looks=(_CATALOG,),
+    ),
     ToolSpec(
         "generate_scenarios",
         "Generate scenarios",

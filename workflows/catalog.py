@@ -12,6 +12,8 @@ from ..engine.catalog import (
     entries_of,
     is_place,
     known_places,
+    listed_facts,
+    odd_values,
     open_catalogue,
     scenario_facets,
 )
@@ -20,6 +22,7 @@ from ..engine.maps import country_code, find_maps
 from ..engine.planners import PLANNERS, planner_names
 from ..engine.tuning import tuning_of
 from ..engine.workspace import ArtifactKind, Recipe
+from ..schemas.analysis.suite import FAILED_OUTCOMES
 from ..schemas.catalog import (
     CountryMaps,
     DescribeCatalogArguments,
@@ -32,16 +35,20 @@ from ..schemas.catalog import (
 )
 from ..schemas.errors import InvalidRequest, UnknownName, closest, with_values
 from ..schemas.generation import MapFacts
+from ..schemas.odd import OddCoverage, OddEntry, OddRequest
+from ..schemas.runs import RunRecord
 from ..schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ..schemas.text import cited, counted, one_line, quoted
 from .context import INDEX_FOLDER, WorkflowContext
 from .maps import inventory_of_read_maps
-from .operations import RANK
+from .operations import JUDGE_ODD, RANK
 from .paging import check_offset
 from .scenarios import one_scenario, opened_search, searched_within
 
 _MAPS_PAGE = 40
 """How many maps one page of the list shows (chosen)."""
+_MOST_RUNS = 20_000
+"""How many runs the coverage of an ODD counts, the newest first (chosen)."""
 _COUNTRIES_SHOWN = 8
 """How many countries of maps are counted if all facets are requested (chosen)."""
 
@@ -60,9 +67,40 @@ async def describe_catalog(arguments: DescribeCatalogArguments, context: Workflo
             valid=["facet=maps", "no offset"],
             remedies=[with_values(offset=None), with_values(facet="maps")],
         )
+    if arguments.odd is not None:
+        covered = await _odd_coverage(arguments.odd, within, context)
+        count = covered.inside.scenarios + covered.outside.scenarios
+        return DescribeCatalogResult(scenarios=count, facets=(), odd=covered)
     count, facets = scenario_facets(connection, arguments.facet, within)
     found = DescribeCatalogResult(scenarios=count, facets=(*facets, *_other_facets(arguments, maps, context)))
     return _with_maps(found, maps, arguments) if arguments.facet == "maps" else found
+
+
+async def _odd_coverage(text: str, within: frozenset[str] | None, context: WorkflowContext) -> OddCoverage:
+    """Return what the listed scenarios, and their runs that could be attempted, cover of an ODD.
+
+    Raises:
+        InvalidRequest: the file does not exist, or is not an ODD.
+        NotPossible: no concept of the ODD is measured.
+    """
+    path = context.allowed_path(text)
+    if not path.is_file():
+        raise InvalidRequest(f"{quoted(text)} is not a file", next_step="give the path of an OpenODD file (.yaml)")
+    values = {
+        facts.scenario_id: odd_values(facts) for facts in listed_facts(context.workspace.database.connection(), within)
+    }
+    runs, failed = Counter[str](), Counter[str]()
+    for artifact in context.workspace.newest(kind="run", limit=_MOST_RUNS):
+        record = artifact.read(RunRecord)
+        entry = f"{record.scenario_id}#{record.problem_id}"
+        entry = entry if entry in values else record.scenario_id
+        if record.outcome != "invalid":
+            runs[entry] += 1
+            failed[entry] += record.outcome in FAILED_OUTCOMES
+    entries = [
+        OddEntry(scenario_id=key, values=found, runs=runs[key], failed=failed[key]) for key, found in values.items()
+    ]
+    return await context.run(JUDGE_ODD, OddRequest(path=path, entries=tuple(entries)))
 
 
 def _within(word: str, context: WorkflowContext) -> frozenset[str]:

@@ -17,6 +17,7 @@ from ..engine.rendering import (
     run_section,
     scenario_section,
 )
+from ..engine.scenarios import write_openlabel
 from ..engine.workspace import REPORT_NAME, Artifact, Export, plan_exports, refuse_existing, write_export, write_whole
 from ..schemas.analysis.comparison import CompareResultsArguments
 from ..schemas.artifacts import (
@@ -87,7 +88,9 @@ async def _write(context: WorkflowContext, export: Export) -> ExportedFile:
     if export.is_computed:
         with context.workspace.scratch() as scratch:
             target = scratch / "made"
-            if export.format in ("opendrive", "openscenario"):
+            if export.format == "openlabel":
+                write_openlabel(export.artifact.read(ScenarioRecord).facts, target)
+            elif export.format in ("opendrive", "openscenario"):
                 foreign = await _compute_foreign(context, export, target)
             else:
                 await _compute(context, export, target)

@@ -18,6 +18,7 @@ import anyio
 from ..engine.catalog import open_catalogue
 from ..engine.execution import Job, JobProgress, OnProgress
 from ..engine.maps import MAP_ENDINGS, is_binary, is_net, root_element
+from ..engine.scenarios import OPENLABEL_ENDING
 from ..engine.workspace import Recipe
 from ..schemas.artifacts import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
 from ..schemas.errors import (
@@ -35,10 +36,10 @@ from ..schemas.text import is_utf8, one_line, quoted, shown_name
 from .configurations import import_configuration
 from .context import WorkflowContext
 from .maps import import_map, known_country
-from .scenario_storage import import_scenarios
+from .scenario_storage import import_scenarios, import_tags
 
 logger = logging.getLogger(__name__)
-_ImportKind = Literal["scenario", "map", "config"]
+_ImportKind = Literal["scenario", "map", "config", "tags"]
 _SHOWN = 20
 """How many items an answer lists, as its model states."""
 _REPORT_EVERY_S = 0.5
@@ -50,6 +51,7 @@ _SUFFIXES: dict[str, _ImportKind] = {
     ".xml": "scenario",
     ".yaml": "config",
     ".yml": "config",
+    OPENLABEL_ENDING: "tags",
 }
 _PACKED_ENDINGS = (".xml.gz", ".xml.bz2")
 """Extensions of compressed XML files. The content shows whether they can be imported."""
@@ -251,6 +253,8 @@ def _kind(path: Path, wanted: str) -> _ImportKind:
     if path.suffix.lower() == PROTOBUF_ENDING:
         raise InvalidRequest(f"{shown_name(path.name)}: {_PROTOBUF}", valid=[f"*{end}" for end in _SUFFIXES])
     known = _kind_of(path, wanted)
+    if known is None and path.suffix.lower() == ".json":  # files from elsewhere; in a folder only those with our ending
+        known = "tags"
     if known is None:
         raise InvalidRequest(
             f"{shown_name(path.name)} has a type that cannot be imported",
@@ -343,6 +347,8 @@ async def _imported_other(
             context.limits.check_size(checked)
         if kind == "map":
             return await import_map(context, checked, arguments.name, arguments.country, wait_s=WAIT_S)
+        if kind == "tags":
+            return await import_tags(context, checked)
         return await import_configuration(context, checked, arguments.name)
     except Exception as raised:  # noqa: BLE001 - the boundary of a file: it becomes the refusal of this one
         return error_to_report(raised, f"import of {kind} {shown_name(path.name)}")

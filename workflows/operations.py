@@ -61,6 +61,7 @@ from ..schemas.generation import (
 )
 from ..schemas.maps import LocatedPlace, LocateRequest
 from ..schemas.modification import ModificationOutcome, ModificationRequest
+from ..schemas.odd import OddCoverage, OddRequest
 from ..schemas.planning import Replayed, ReplayRequest, RunRequest, RunResponse
 from ..schemas.rendering import Rendered, RenderRequest, ReportRequest, ReportWritten, ViewRequest, ViewWritten
 from ..schemas.results import AnalyseRequest, AnalyzeResultsResult
@@ -74,6 +75,7 @@ DESCRIBE_SCENARIO = Operation("plannerforge.engine.scenarios:describe", Describe
 APPLY_EDITS = Operation(
     "plannerforge.engine.edits:apply_edits", ModificationRequest, ModificationOutcome, timeout_s=120.0
 )
+JUDGE_ODD = Operation("plannerforge.engine.catalog:judge_odd", OddRequest, OddCoverage, timeout_s=50.0)
 
 # Maps and generation
 CONVERT_MAP = Operation("plannerforge.engine.maps:write_as_xml", ConvertMapRequest, ConvertedMap, timeout_s=120.0)

@@ -13,10 +13,12 @@ from anyio.streams.memory import MemoryObjectReceiveStream, MemoryObjectSendStre
 
 from ..engine.catalog import ReadFile, ScenarioIntake, exported_net, put_scenario
 from ..engine.maps import unpacked
+from ..engine.scenarios import OPENLABEL_ENDING, read_openlabel, with_tags
 from ..engine.workspace import Artifact, Recipe, content_digest
 from ..schemas.artifacts import ImportedItem
-from ..schemas.errors import PlannerForgeError, WorkerFailure, WorkerTimeout, error_to_report
+from ..schemas.errors import NotPossible, PlannerForgeError, WorkerFailure, WorkerTimeout, error_to_report
 from ..schemas.scenarios import Origin, ReadFactsRequest, ScenarioFacts
+from ..schemas.text import shown_name
 from ..schemas.vocabulary import CIRCUMSTANCES
 from .context import WorkflowContext
 from .operations import READ_FACTS
@@ -69,6 +71,58 @@ async def import_scenarios(context: WorkflowContext, paths: Sequence[Path], on_d
                 for _ in range(context.services.workers.capacity + 1):
                     tasks.start_soon(_read_files, context, intake, waiting, folder, send.clone())
             await _store_in_order(intake, paths, receive, on_done, folder)
+
+
+async def import_tags(context: WorkflowContext, path: Path) -> ImportedItem:
+    """Import the scenario that an OpenLABEL file tags, with these tags.
+
+    The scenario is the file next to it that it names, or else the stored scenario with this id, of which the result is
+    then a new version, unless it has the tags already.
+
+    Raises:
+        InvalidRequest: the file is not OpenLABEL.
+        UnknownName: there is no such scenario.
+        NotPossible: the scenario's file has no place for tags.
+    """
+    read = await anyio.to_thread.run_sync(read_openlabel, path)
+    source, net = _tagged(context, path, read.tagged_file)
+    context.limits.check_size(source)
+    facts = await _facts(context, source, net)
+    new = [tag for tag in read.tags if tag not in facts.tags]
+    with context.workspace.scratch() as folder:
+        if new:
+            copy = folder / "scenario.xml"
+            copy.write_bytes(with_tags(await anyio.to_thread.run_sync(source.read_bytes), new))
+            if net is not None:
+                shutil.copyfile(net, copy.with_suffix(".net.xml"))
+            source, facts = copy, await _facts(context, copy, net)
+            if not {*new} <= {*facts.tags}:
+                raise NotPossible(f"the tags cannot be added to {shown_name(read.tagged_file)}")
+        content = await anyio.to_thread.run_sync(content_digest, source)
+        (outcome,) = await ScenarioIntake(context.workspace).store([ReadFile(source, content, facts)])
+    if not isinstance(outcome, ImportedItem):
+        raise outcome
+    added = f"; tags added: {', '.join(new)}" if new else "; it had these tags already"
+    unread = f"; no CommonRoad tag for {', '.join(read.unread[:_MOST_UNREAD])}" if read.unread else ""
+    more = f" and {len(read.unread) - _MOST_UNREAD} more" if len(read.unread) > _MOST_UNREAD else ""
+    return outcome.model_copy(update={"file": str(path), "summary": f"{outcome.summary}{added}{unread}{more}"})
+
+
+_MOST_UNREAD = 8
+"""How many unread tags the answer lists (chosen)."""
+
+
+def _tagged(context: WorkflowContext, path: Path, name: str) -> tuple[Path, Path | None]:
+    """Return the scenario's file with the SUMO network next to it, if there is one."""
+    file = path.parent / name if name and "://" not in name else path.parent
+    if file.suffix.lower() == ".xml" and file.is_file():
+        checked = context.allowed_path(str(file))
+        net = exported_net(checked)
+        return checked, context.allowed_path(str(net)) if net else None
+    scenario_id = Path(name).name.removesuffix(".xml") or path.name.removesuffix(OPENLABEL_ENDING)
+    artifact = context.workspace.get(scenario_id, "scenario")
+    stored = context.workspace.file("scenario", artifact.artifact_id, "scenario.xml")
+    return stored, exported_net(stored)
 
 
 async def _read_files(

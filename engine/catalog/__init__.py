@@ -8,6 +8,8 @@
 ``ScenarioIntake``: decides on the files of an import and stores them: new, known, or new versions of a scenario.
 ``exported_net``: returns the SUMO network next to a scenario file, or None.
 ``put_scenario``: stores a scenario with known facts, and returns its artifact.
+``judge_odd``: the operation that returns what scenarios and runs cover of an operational design domain.
+``odd_values``: returns what an operational design domain can restrict of a scenario, by name.
 ``build_index``: the operation that loads the embedding model and builds the text index.
 ``rank``: the operation that returns scenario ids by similarity of their descriptions to a text, with scores.
 ``is_place``: returns whether a scenario's place is real.
@@ -23,6 +25,7 @@
 ``MOST_ENTRIES``: the maximum number of planning problems entered per file, and the difference between the numbers of
 two consecutive artifacts.
 ``is_ready``: returns whether the tables exist in the current version.
+``listed_facts``: yields the facts of the listed scenarios.
 ``EmbeddingModel``: a model that turns texts into vectors, identified by its name in the setting.
 ``damaged_parts``: returns the files and generations of a text index that cannot be read.
 ``remove_damaged``: removes and returns the damaged parts, so that they are rebuilt.
@@ -39,10 +42,11 @@ if TYPE_CHECKING:
     from .entry_sets import Postings
     from .facets import scenario_facets
     from .intake import ID_TAKEN, ReadFile, ScenarioIntake, exported_net, put_scenario
+    from .odd import judge_odd, odd_values
     from .ranking import build_index, rank
     from .search import Ranking, Search, entries_of
     from .starter import ARCHIVE, open_catalogue, starter_files
-    from .tables import MOST_ENTRIES, is_ready
+    from .tables import MOST_ENTRIES, is_ready, listed_facts
     from .text_conditions import manoeuvres_in
     from .vector_index import EmbeddingModel, damaged_parts, remove_damaged
     from .words import description_of

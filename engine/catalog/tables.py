@@ -12,7 +12,7 @@ rebuild of the catalogue.
 """
 
 import sqlite3
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
@@ -141,6 +141,14 @@ def facts_of(connection: sqlite3.Connection, scenario_ids: Iterable[str]) -> dic
 def descriptions(connection: sqlite3.Connection) -> dict[str, str]:
     """Return the readable description of every scenario, by id in alphabetical order."""
     return dict(connection.execute("SELECT scenario_id, description FROM catalog_scenarios ORDER BY scenario_id"))
+
+
+def listed_facts(connection: sqlite3.Connection, within: frozenset[str] | None) -> Iterator[ScenarioFacts]:
+    """Yield the facts of the listed scenarios, or of those with the given ids, in the order of their entries."""
+    query = "SELECT scenario_id, facts FROM catalog_scenarios ORDER BY number"
+    for scenario_id, text in connection.execute(query):
+        if within is None or scenario_id in within:
+            yield ScenarioFacts.model_validate_json(text)
 
 
 def _words(facts: ScenarioFacts) -> list[tuple[str, str]]:

@@ -21,7 +21,7 @@ _STORED = {
 _WRITTEN = ("json", "recipe")
 _DRAWN = ("png", "gif")
 _MADE = {
-    "scenario": ("png", "opendrive", "openscenario"),
+    "scenario": ("png", "opendrive", "openscenario", "openlabel"),
     "run": ("png", "gif", "solution", "csv", "parquet"),
     "batch": ("png", "csv", "parquet"),
 }
@@ -33,6 +33,7 @@ _ENDINGS = {
     "solution": ".solution.xml",
     "opendrive": ".xodr",
     "openscenario": ".xosc",
+    "openlabel": ".openlabel.json",
 }
 """The sources of a format's files: stored, written from the record, drawn, or computed by kind; special suffixes."""
 _WITH = {"openscenario": ("opendrive",), "json": ("steps", "series")}

@@ -1,1 +1,2 @@
-"""Scenarios in the formats of other tools: OpenDRIVE for the roads, OpenSCENARIO XML for the recorded motion."""
+"""Scenarios in the formats of other tools: OpenDRIVE for the roads, OpenSCENARIO XML for the recorded motion,
+OpenLABEL for the tags."""
