@@ -110,8 +110,10 @@ def judged(case: Mapping[str, str], folder: Path) -> Verdict:
     if case["nodes"]:
         name, _, tags = case["nodes"].partition(":")
         nodes[name] = _tags(tags)
-    wide = {"lanes": "6"} if "turns_in" in case["right"] else {}  # room for every lane that leads there
-    path = _drawn(folder / "map.osm", {"west": {"lanes": "", **_tags(case["west"])}}, nodes, of_all=wide)
+    of_all = {"lanes": "6"} if "turns_in" in case["right"] else {}  # room for every lane that leads there
+    if _tags(case["west"]).get("maxspeed") == "":  # limits posted on the other arms would tell that it is in a town
+        of_all["maxspeed"] = ""
+    path = _drawn(folder / "map.osm", {"west": {"lanes": "", **_tags(case["west"])}}, nodes, of_all=of_all)
     try:
         built = _built(path, case["country"], folder)
     except (NotPossible, UnsafeInput) as refusal:
