@@ -285,7 +285,7 @@ def ramp_ways(turn: Turn, net: SumoNet, edges: OpenEdges) -> Iterator[tuple[str,
         return
     links = {edge for edge in edges.following if road_classes(net.edges[edge]) & RAMP_LINKS}
     led_to = {edge for onward in edges.following.values() for edge in onward}
-    waiting = [(edge,) for edge in sorted(links - led_to)]
+    waiting: list[tuple[str, ...]] = [(edge,) for edge in sorted(links - led_to)]
     for edge in sorted(edges.following.keys() - links):
         waiting += [(edge, onward) for onward in edges.following[edge] if onward in links]
     while waiting:
