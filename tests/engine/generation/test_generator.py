@@ -176,7 +176,7 @@ def test_a_ramp_without_link_roads_is_a_contradiction(tmp_path: Path) -> None:
 
 def test_an_index_beyond_the_cars_is_refused(tmp_path: Path) -> None:
     with pytest.raises(NotPossible, match="index:99"):
-        make("Fahrhausen", tmp_path, ego="index:99")
+        make("Fahrhausen", tmp_path, ego="index:99", most_sites=1)
 
 
 def test_a_real_extract_on_the_left_side(shared_data: Path, tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ def test_a_counted_class_has_that_many_vehicles_and_no_more(tmp_path: Path) -> N
 def test_more_than_find_room_are_refused_with_the_number_that_does(tmp_path: Path) -> None:
     crowd = [VehicleDemand(vehicle_class="trailer", least=120)]
     with pytest.raises(NotPossible, match="120 trailers requested, but only") as caught:
-        make("Landmoor", tmp_path, scenario_type="intersection", vehicles=crowd)
+        make("Landmoor", tmp_path, scenario_type="intersection", vehicles=crowd, most_sites=1)
     (room,) = caught.value.valid
     name, _, count = str(room).partition("=")
     assert name == "trailer"
@@ -62,7 +62,7 @@ def test_an_ego_is_found_in_a_crowd_of_trucks_as_spare_cars_may_become_it(shared
 
 def test_as_many_pedestrians_as_found_room_can_be_requested(shared_data: Path, tmp_path: Path) -> None:
     path = shared_data / "data" / "osm" / "planet_10.068_48.135_10.071_48.137.osm"
-    small = {"map_path": str(path), "country": "DEU", "duration_s": 20.0, "seed": 0}
+    small = {"map_path": str(path), "country": "DEU", "duration_s": 20.0, "seed": 0, "most_sites": 1}
     with pytest.raises(NotPossible) as caught:
         make("Fahrhausen", tmp_path, vehicles=[VehicleDemand(vehicle_class="bus", least=20)], **small)
     room = int(str(caught.value.valid[0]).removeprefix("bus="))
