@@ -206,7 +206,7 @@ def test_plain_trajectories_are_removed_and_the_others_stay_complete() -> None:
 
 
 def test_real_recordings_are_the_same_either_way(shared_data: Path) -> None:
-    files = sorted((shared_data / "data/commonroad").glob("*.xml"))[::40]
+    files = sorted((shared_data / "data/commonroad").glob("*.xml"))[::80]
     expected = [outcome(by_commonroad_io, path) for path in files]
     assert [outcome(as_arrays, path) for path in files] == expected
     assert [outcome(as_objects, path) for path in files] == expected
