@@ -131,7 +131,7 @@ def test_more_vehicles_than_a_file_can_have_are_reduced_and_reported(
 def test_numbers_beyond_a_file_s_limit_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(traffic, "MOST_STATES", 600)
     with pytest.raises(NotPossible, match="too large"):
-        make("Kreiselheim", tmp_path, vehicles=[VehicleDemand(vehicle_class="truck", least=40)])
+        make("Kreiselheim", tmp_path, vehicles=[VehicleDemand(vehicle_class="truck", least=40)], most_sites=1)
 
 
 def test_a_recording_that_ends_early_is_reported(tmp_path: Path) -> None:
