@@ -55,7 +55,16 @@ def test_a_full_site_is_not_filled_again_but_one_that_lacks_few_is(
 def test_an_ego_is_found_in_a_crowd_of_trucks_as_spare_cars_may_become_it(shared_data: Path, tmp_path: Path) -> None:
     path = shared_data / "data" / "osm" / "o2s_tempe_light_rail.osm"
     crowd = [VehicleDemand(vehicle_class="truck", least=100)]
-    made = make("Fahrhausen", tmp_path, map_path=str(path), country="USA", vehicles=crowd, duration_s=8.0, seed=0)
+    made = make(
+        "Fahrhausen",
+        tmp_path,
+        map_path=str(path),
+        country="USA",
+        vehicles=crowd,
+        duration_s=4.0,
+        goal="steps:30",
+        seed=0,
+    )
     assert made.classes_realised == {"truck": 100}
     assert made.ego.goal_distance_m >= 10
 
