@@ -11,7 +11,9 @@ MAPS = {entry.facts.place: entry for entry in built_in_maps()}
 
 
 def request_for(place: str, folder: Path, **changes: object) -> GenerationRequest:
-    """Return a request for 6 s at a place of a built-in map; every field can be changed."""
+    """Return a request for 6 s at a place of a built-in map, for a single round because further ones only draw other
+    traffic; every field can be changed.
+    """
     entry = MAPS[place]
     wish: dict[str, object] = {
         "map_path": str(entry.path),
@@ -23,6 +25,7 @@ def request_for(place: str, folder: Path, **changes: object) -> GenerationReques
         "folder": str(folder),
         "goal": "steps:50",
         "seed": 3,
+        "most_rounds": 1,
     }
     return GenerationRequest.model_validate(wish | changes)
 

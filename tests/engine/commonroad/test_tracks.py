@@ -170,7 +170,7 @@ def agree(root: Element) -> str:
     return expected if isinstance(expected, str) else "taken"
 
 
-@pytest.mark.parametrize(("version", "where"), [("2020a", 0), ("2020a", 2), ("2020a", STEPS - 2), ("2018b", 2)])
+@pytest.mark.parametrize(("version", "where"), [("2020a", 0), ("2020a", STEPS - 2), ("2018b", 2)])
 @pytest.mark.parametrize("name", CHANGES)
 def test_one_unusual_state_is_judged_as_commonroad_io_judges_it(version: str, where: int, name: str) -> None:
     root = fromstring(small(version).xml().encode())
@@ -206,7 +206,7 @@ def test_plain_trajectories_are_removed_and_the_others_stay_complete() -> None:
 
 
 def test_real_recordings_are_the_same_either_way(shared_data: Path) -> None:
-    files = sorted((shared_data / "data/commonroad").glob("*.xml"))[::40]
+    files = sorted((shared_data / "data/commonroad").glob("*.xml"))[::80]
     expected = [outcome(by_commonroad_io, path) for path in files]
     assert [outcome(as_arrays, path) for path in files] == expected
     assert [outcome(as_objects, path) for path in files] == expected

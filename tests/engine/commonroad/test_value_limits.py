@@ -174,7 +174,7 @@ NUMBERS = [match.span() for match in re.finditer(r'(?<=[">])-?\d[\d.e+-]*(?=["<]
 FRESH = itertools.count()
 
 
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.lists(
         st.tuples(st.sampled_from(NUMBERS), st.sampled_from(HOSTILE)), min_size=1, max_size=2, unique_by=lambda p: p[0]

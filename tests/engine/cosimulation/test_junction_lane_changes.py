@@ -35,9 +35,7 @@ def fronts(applied: Applied) -> np.ndarray:
     return np.asarray(track.positions + track.length_m / 2 * ahead)
 
 
-@pytest.mark.parametrize(
-    ("x_m", "speed_mps"), [(103, 0.0), (110, 0.5), (123.5, 1.0), (121, 5.0), (103, 8.0), (103, 14.0), (99, 2.0)]
-)
+@pytest.mark.parametrize(("x_m", "speed_mps"), [(103, 0.0), (123.5, 1.0), (121, 5.0), (103, 14.0), (99, 2.0)])
 def test_it_is_across_before_the_junction_ends(apply: Apply, x_m: float, speed_mps: float) -> None:
     applied = apply(TO_THE_LEFT, builder=straight_on_through_a_crossing(x_m, speed_mps), detail="checks")
     (route,), (vehicle,) = applied.outcome.edits[0].routes, applied.outcome.touched

@@ -11,7 +11,7 @@ from plannerforge.evals.ground_truth.modification import edit_of
 from plannerforge.schemas.errors import InvalidRequest
 
 TASKS = ("T", "B", "P", "G", "composite")
-EVERY = 13
+EVERY = 26
 
 REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("modB-d041", {"op": "set_behaviour", "vehicles": ["317"], "preset": "drunk"}, "no behaviour preset 'drunk'"),

@@ -137,9 +137,11 @@ async def test_started_program_cannot_read_the_orders(pool: WorkerPool) -> None:
     assert (await run(pool, "echo", "next")).text == "next"
 
 
-@pytest.mark.parametrize("variable", ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"])
-async def test_sums_are_computed_by_one_thread(pool: WorkerPool, variable: str) -> None:
-    assert (await run(pool, "tell_environment", variable)).text == "1"
+async def test_sums_are_computed_by_one_thread(pool: WorkerPool, monkeypatch: pytest.MonkeyPatch) -> None:
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        monkeypatch.setenv(variable, "2")
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        assert (await run(pool, "tell_environment", variable)).text == "1"
 
 
 @pytest.mark.parametrize(

@@ -148,7 +148,7 @@ def test_a_site_that_the_map_lacks_is_refused_with_available_ones(tmp_path: Path
 def test_a_class_that_no_road_is_open_to_is_refused(tmp_path: Path) -> None:
     bicycle = [VehicleDemand(vehicle_class="bicycle")]
     with pytest.raises(NotPossible, match="bicycle") as caught:
-        make("Neuland", tmp_path, scenario_type="highway", vehicles=bicycle, road_classes=["motorway"])
+        make("Neuland", tmp_path, scenario_type="highway", vehicles=bicycle, road_classes=["motorway"], most_sites=1)
     assert "truck" in caught.value.valid
 
 
@@ -176,7 +176,7 @@ def test_a_ramp_without_link_roads_is_a_contradiction(tmp_path: Path) -> None:
 
 def test_an_index_beyond_the_cars_is_refused(tmp_path: Path) -> None:
     with pytest.raises(NotPossible, match="index:99"):
-        make("Fahrhausen", tmp_path, ego="index:99")
+        make("Fahrhausen", tmp_path, ego="index:99", most_sites=1)
 
 
 def test_a_real_extract_on_the_left_side(shared_data: Path, tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Sites that the map promises are built: lights where some roads have a signal, and beside a road that is broken."""
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,9 @@ ARM_DEG = 0.0012
 SIGNAL_DEG = 0.0001
 
 
+@cache
 def crossing_with_a_signal_on_one_arm() -> OsmMap:
+    """One map, so that its site is built once."""
     ends = {2: (ARM_DEG, 0.0), 3: (0.0, ARM_DEG), 4: (-ARM_DEG, 0.0), 5: (0.0, -ARM_DEG)}
     nodes = {1: OsmNode(1, 0.0, 0.0, {})} | {key: OsmNode(key, *place, {}) for key, place in ends.items()}
     nodes[6] = OsmNode(6, SIGNAL_DEG, 0.0, {"highway": "traffic_signals", "traffic_signals:direction": "backward"})

@@ -159,6 +159,7 @@ def refused(folder: Path, **changes: object) -> NotPossible:
 
 def test_if_all_sites_are_lost_the_other_types_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(site_network, "why_not_realised", lambda site, net: f"the {site.kind} is lost")
+    monkeypatch.setattr(generator, "MOST_LOST", 2)
     error = refused(tmp_path)
     assert re.fullmatch(
         r"\d+ sites? lost when the road network is built: intersection at 5\d\.\d{5}, \S+; .*", error.message
@@ -228,7 +229,7 @@ def test_a_site_without_another_gets_all_the_rounds(tmp_path: Path, monkeypatch:
 
 def test_a_site_with_only_the_ego_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(generator, "without_spares", lambda ranked, demand: ranked[:1])
-    error = refused(tmp_path, duration_s=6.0)
+    error = refused(tmp_path, duration_s=6.0, most_sites=1)
     assert error.message == "no vehicle but the ego found room on the roads of this site"
 
 

@@ -194,8 +194,9 @@ def test_the_ego_drives_along_a_requested_street_and_not_along_one_beside_it(tmp
     for aside in (45, -45):
         sketch.road([(-600, aside), (0, aside), (600, aside)], "secondary", f"Road {aside}")
     wish = {"scenario_type": "rural", "streets": [["Main Road"]], "density": "low", "duration_s": 10.0}
+    of_the_street = request_in(tmp_path, sketch, most_rounds=1, **wish)
     for seed in range(4):
-        request = request_in(tmp_path, sketch, seed=seed, **wish)
+        request = of_the_street.model_copy(update={"seed": seed})
         generate_scenario(request, silent)
         loaded = read_scenario(tmp_path / "scenario.xml")
         route = ego_route(

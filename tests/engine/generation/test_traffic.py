@@ -22,7 +22,7 @@ def test_a_counted_class_has_that_many_vehicles_and_no_more(tmp_path: Path) -> N
 def test_more_than_find_room_are_refused_with_the_number_that_does(tmp_path: Path) -> None:
     crowd = [VehicleDemand(vehicle_class="trailer", least=120)]
     with pytest.raises(NotPossible, match="120 trailers requested, but only") as caught:
-        make("Landmoor", tmp_path, scenario_type="intersection", vehicles=crowd)
+        make("Landmoor", tmp_path, scenario_type="intersection", vehicles=crowd, most_sites=1)
     (room,) = caught.value.valid
     name, _, count = str(room).partition("=")
     assert name == "trailer"
@@ -55,14 +55,23 @@ def test_a_full_site_is_not_filled_again_but_one_that_lacks_few_is(
 def test_an_ego_is_found_in_a_crowd_of_trucks_as_spare_cars_may_become_it(shared_data: Path, tmp_path: Path) -> None:
     path = shared_data / "data" / "osm" / "o2s_tempe_light_rail.osm"
     crowd = [VehicleDemand(vehicle_class="truck", least=100)]
-    made = make("Fahrhausen", tmp_path, map_path=str(path), country="USA", vehicles=crowd, duration_s=8.0, seed=0)
+    made = make(
+        "Fahrhausen",
+        tmp_path,
+        map_path=str(path),
+        country="USA",
+        vehicles=crowd,
+        duration_s=4.0,
+        goal="steps:30",
+        seed=0,
+    )
     assert made.classes_realised == {"truck": 100}
     assert made.ego.goal_distance_m >= 10
 
 
 def test_as_many_pedestrians_as_found_room_can_be_requested(shared_data: Path, tmp_path: Path) -> None:
     path = shared_data / "data" / "osm" / "planet_10.068_48.135_10.071_48.137.osm"
-    small = {"map_path": str(path), "country": "DEU", "duration_s": 20.0, "seed": 0}
+    small = {"map_path": str(path), "country": "DEU", "duration_s": 20.0, "seed": 0, "most_sites": 1}
     with pytest.raises(NotPossible) as caught:
         make("Fahrhausen", tmp_path, vehicles=[VehicleDemand(vehicle_class="bus", least=20)], **small)
     room = int(str(caught.value.valid[0]).removeprefix("bus="))
@@ -131,7 +140,7 @@ def test_more_vehicles_than_a_file_can_have_are_reduced_and_reported(
 def test_numbers_beyond_a_file_s_limit_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(traffic, "MOST_STATES", 600)
     with pytest.raises(NotPossible, match="too large"):
-        make("Kreiselheim", tmp_path, vehicles=[VehicleDemand(vehicle_class="truck", least=40)])
+        make("Kreiselheim", tmp_path, vehicles=[VehicleDemand(vehicle_class="truck", least=40)], most_sites=1)
 
 
 def test_a_recording_that_ends_early_is_reported(tmp_path: Path) -> None:

@@ -63,7 +63,7 @@ def texts(facts: MapFacts) -> list[str]:
     return [facts.place, facts.file_name, facts.attribution, *facts.places, *facts.streets, *facts.refs]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=75, deadline=None)
 @given(maps())
 def test_any_map_is_read_or_refused_by_name(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
     folder = tmp_path_factory.mktemp("map")

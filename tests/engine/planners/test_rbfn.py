@@ -154,7 +154,7 @@ def test_it_starts_from_a_stand() -> None:
 
 
 def test_it_keeps_behind_a_slower_car() -> None:
-    run = driven_run(moving_car(7, (20.0, 0.0), (5.0, 0.0), 200))
+    run = driven_run(moving_car(7, (20.0, 0.0), (5.0, 0.0)), goal=goal_state((60, 65), rectangle_at(100.0, 0.0)))
     assert run.final.outcome != "collision"
     assert run.states[60].speed_mps < 7.0
 

@@ -91,7 +91,7 @@ def test_every_term_tells_candidates_apart(stored: tuple[Stored, ...]) -> None:
 
 
 @pytest.mark.parametrize("name", WEIGHTS)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(data=st.data())
 def test_the_own_term_of_the_choice_never_rises_with_its_weight(
     name: str, data: st.DataObject, stored: tuple[Stored, ...]

@@ -74,28 +74,21 @@ def test_runs_are_named_with_their_outcome(
     assert "driven paths (Default: collision; Safe: goal reached)" in image.alt_text
 
 
-def test_animation_moves_and_ends_with_the_run(
+def test_an_animation_moves_and_ends_with_the_run_and_a_strip_shows_its_moments(
     tmp_path: Path, town: ScenarioSource, pair: tuple[RunSource, RunSource]
 ) -> None:
-    given = {"kind": "animation", "scenarios": (town,), "runs": pair[:1]}
-    image = drawn(tmp_path / "a", **given)
-    again = drawn(tmp_path / "b", **given)
-    assert image.size_bytes < 2_000_000
-    assert Path(image.path).read_bytes() == Path(again.path).read_bytes()
-    with Image.open(image.path) as opened:
+    request = RenderRequest(kind="animation", scenarios=(town,), runs=pair[:1], folder=str(tmp_path))
+    gif, strip = render(request, silent).images
+    again = drawn(tmp_path / "again", kind="animation", scenarios=(town,), runs=pair[:1])
+    assert Path(gif.path).read_bytes() == Path(again.path).read_bytes()
+    assert (gif.mime_type, strip.mime_type) == ("image/gif", "image/png")
+    assert gif.size_bytes < 2_000_000
+    with Image.open(gif.path) as opened:
         assert opened.n_frames == 41  # type: ignore[attr-defined]
         assert opened.info["duration"] == 100
         first = opened.convert("RGB").tobytes()
         opened.seek(40)
         assert opened.convert("RGB").tobytes() != first
-
-
-def test_the_strip_next_to_an_animation_shows_its_moments(
-    tmp_path: Path, town: ScenarioSource, pair: tuple[RunSource, RunSource]
-) -> None:
-    request = RenderRequest(kind="animation", scenarios=(town,), runs=pair[:1], folder=str(tmp_path))
-    gif, strip = render(request, silent).images
-    assert (gif.mime_type, strip.mime_type) == ("image/gif", "image/png")
     assert strip.alt_text == "The same scene at 0.0, 0.8, 1.6, 2.4, 3.2, 4.0 s, row by row."
     assert strip.width_px == pytest.approx(1500, abs=3)
     assert strip.size_bytes < 400_000
