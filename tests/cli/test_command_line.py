@@ -109,6 +109,7 @@ def test_tools_are_listed_with_their_cost() -> None:
         (("--workers", "0"), "--workers: workers takes a whole number from 1 to 64, not 0"),
         (("--workers", "0", "--tools", "few"), "; --tools: tools cannot be 'few' (valid: essential, all)"),
         (("--log-level", "warn"), "log_level cannot be 'warn' (valid: WARNING, "),
+        (("--log-format", "xml"), "--log-format: log_format cannot be 'xml' (valid: "),
     ],
 )
 def test_wrong_flag_is_one_line(flags: tuple[str, ...], named: str) -> None:

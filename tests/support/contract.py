@@ -119,7 +119,7 @@ CASES: dict[str, Case] = {
         ),
     ),
     "generate_scenarios": Case(
-        {"scenario_type": "roundabout", "duration_s": 6, "vehicles": ["truck"], "seed": 1},
+        {"scenario_type": "roundabout", "duration_s": 6, "vehicles": ["truck"], "goal": "steps:20", "seed": 1},
         (
             Bad({"place": "Atlantis"}, ("Atlantis", "Musterstadt")),
             Bad({"scenario_type": "roundabaut"}, ("roundabaut", "roundabout")),
