@@ -304,7 +304,7 @@ CASES: dict[str, Case] = {
         ),
     ),
     "export_artifacts": Case(
-        {"ids": ["<scenario>", "<batch>"], "folder": "<folder>/exported", "formats": ["html"], "overwrite": True},
+        {"ids": ["<scenario>", "<batch>"], "folder": "<folder>/exported", "overwrite": True},
         (
             Bad({"ids": ["<scenario>"], "folder": "/etc"}, ("/etc", "plannerforge-export")),
             Bad({"ids": ["<scenario>x"], "folder": "<folder>/no"}, ("<scenario>",)),
