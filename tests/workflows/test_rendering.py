@@ -1,5 +1,7 @@
 """Pictures as the first thing that is asked of a workspace."""
 
+from pathlib import Path
+
 import pytest
 from support.server import Connect
 
