@@ -35,6 +35,7 @@ def request_of(task: Any, truth: dict[str, Any], expect: Any = "ok", corpus: str
     return EvalRequest("one", task, corpus or task, "do it", truth, expect, map_file="fahrhausen.osm")
 
 
+@pytest.mark.usefixtures("warm_workers")
 async def test_a_generation_is_done_if_the_file_matches_the_request(tmp_path: Path) -> None:
     made = await carried_out(tmp_path)
     truth = {
@@ -61,6 +62,7 @@ async def test_a_generation_is_done_if_the_file_matches_the_request(tmp_path: Pa
     assert score_attempt(refused, attempt_of(ending="refused"), tmp_path / "workspace").done
 
 
+@pytest.mark.usefixtures("warm_workers")
 async def test_an_edit_is_judged_by_the_written_file(tmp_path: Path) -> None:
     edits = [{"op": "remove_vehicle", "vehicles": ["nearest:1"]}]
     made = await carried_out(
@@ -78,6 +80,7 @@ async def test_an_edit_is_judged_by_the_written_file(tmp_path: Path) -> None:
     assert not score_attempt(request, attempt_of(made[0]), tmp_path / "workspace").done
 
 
+@pytest.mark.usefixtures("warm_workers")
 async def test_weights_come_from_the_stored_configuration(tmp_path: Path) -> None:
     configured = Call("configure_planner", {"weights": ["jerk=0.3"], "base": "frenetix:Default"})
     made = await carried_out(tmp_path, configured, goal="steps:20")

@@ -7,7 +7,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,6 +22,7 @@ from opentelemetry.sdk.trace import TracerProvider
 from opentelemetry.sdk.trace.export import SimpleSpanProcessor
 from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanExporter
 from opentelemetry.trace import StatusCode
+from support.server import GUARD_S
 
 from plannerforge.engine.execution import Executor, JobRunner, JobStore, Operation
 from plannerforge.engine.execution.jobs import JobProgress
@@ -259,10 +259,10 @@ started = time.monotonic()
 telemetry.close()
 print(time.monotonic() - started)
 """
-    started = time.monotonic()
-    ended = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=True)
+    ended = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=True, timeout=GUARD_S
+    )
     assert float(ended.stdout) < 2 * LAST_S, ended.stderr
-    assert time.monotonic() - started < 30
     assert "did not take the last traces" in ended.stderr
 
 
