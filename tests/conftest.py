@@ -62,7 +62,7 @@ def _workers_import_what_they_need() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _each_schema_is_checked_once() -> Iterator[None]:
-    """Let clients check an output schema once: every session checks those of the tools that it calls, for 60 ms each."""
+    """Let clients check an output schema once: every session checks those of its tools, which takes 60 ms each."""
     check, checked = Draft202012Validator.check_schema, set[str]()
 
     def check_once(schema: Any, **options: Any) -> None:
