@@ -30,7 +30,7 @@ from plannerforge.tools.call import ToolCall
 from plannerforge.workflows.context import Services
 
 PROJECT = Path(plannerforge.__file__).resolve().parent
-USUAL = {"place": "Musterstadt", "vehicles": ["truck=1"], "duration_s": 5, "seed": 3}
+USUAL = {"place": "Landmoor", "vehicles": ["truck=1"], "duration_s": 5, "seed": 3}
 """The default request, on a packaged map."""
 REQUEST = GenerateScenariosArguments | GenerationSpec | GenerationRequest
 CARRIERS = ("workflows/context.py",)

@@ -2,6 +2,7 @@
 
 import gc
 import inspect
+import json
 import os
 import re
 import shutil
@@ -19,6 +20,7 @@ import pytest
 import sniffio
 from hypothesis import HealthCheck
 from hypothesis import settings as hypothesis_settings
+from jsonschema import Draft202012Validator
 from mcp import Client
 from support.server import Connect, KeptWorkers, worker_processes
 
@@ -56,6 +58,21 @@ def shared_data() -> Path:
 def _workers_import_what_they_need() -> None:
     """Let workers load a library only when an order needs it, because a test needs few of them."""
     pool.PRELOAD.update(dict.fromkeys(pool.PRELOAD, ()))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _each_schema_is_checked_once() -> Iterator[None]:
+    """Let clients check an output schema once: every session checks those of its tools, which takes 60 ms each."""
+    check, checked = Draft202012Validator.check_schema, set[str]()
+
+    def check_once(schema: Any, **options: Any) -> None:
+        if (text := json.dumps(schema, sort_keys=True)) not in checked:
+            check(schema, **options)
+            checked.add(text)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Draft202012Validator, "check_schema", staticmethod(check_once))
+        yield
 
 
 @pytest.fixture(scope="session")

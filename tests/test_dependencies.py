@@ -7,22 +7,9 @@ import tomllib
 from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import packages_distributions
-from pathlib import Path
 
-CHECKOUT = Path(__file__).resolve().parent.parent
-LAYERS = (
-    "schemas",
-    "engine",
-    "workflows",
-    "tools",
-    "resources",
-    "prompts",
-    "server",
-    "library",
-    "agent",
-    "evals",
-    "cli",
-)
+from support.tree import CHECKOUT, LAYERS, import_statements
+
 COMES_WITH = {
     "pydantic-core": "pydantic",
     "sumolib": "eclipse-sumo",
@@ -71,10 +58,10 @@ def imported_modules(folders: tuple[str, ...] = LAYERS) -> set[str]:
     modules: set[str] = set()
     files = {file for folder in folders for file in (CHECKOUT / folder).rglob("*.py")}
     for path in files - {CHECKOUT / script for script in RUN_ELSEWHERE}:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in import_statements(path.read_text(encoding="utf-8")):
             if isinstance(node, ast.Import):
                 modules.update(module_of(alias.name) for alias in node.names)
-            elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            elif node.level == 0 and node.module:
                 modules.add(module_of(node.module))
     return modules - set(sys.stdlib_module_names) - {"plannerforge", "benchmarks"}
 

@@ -5,6 +5,7 @@ import re
 import shlex
 import tomllib
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +27,15 @@ from plannerforge.tools.registry import TOOLS
 from plannerforge.workflows.analysis.suite import limits_of
 
 
+@cache
+def program() -> Any:
+    """The command line, which takes a while to put together."""
+    return typer.main.get_command(application)
+
+
 def fault(words: Sequence[str]) -> str:
     """What the command line has against words, empty where it takes them; whether files are there is not looked at."""
-    command, rest = typer.main.get_command(application), list(words[1:])
+    command, rest = program(), list(words[1:])
     while hasattr(command, "commands") and rest and not rest[0].startswith("-"):
         if rest[0] not in command.commands:
             return f"no command {rest[0]!r} among {sorted(command.commands)}"

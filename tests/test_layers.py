@@ -1,5 +1,6 @@
 """Imports: they run one way and through faces, start-up stays light, no common name is taken."""
 
+import json
 import re
 import subprocess
 import sys
@@ -58,6 +59,17 @@ def loaded_after(program: str) -> set[str]:
 
 def heavy(modules: set[str]) -> set[str]:
     return {module.partition(".")[0] for module in modules} & HEAVY
+
+
+def telemetry(modules: set[str]) -> set[str]:
+    """The modules that only a server with telemetry needs."""
+    return {
+        name
+        for name in modules
+        if (name.startswith("opentelemetry.") and ".sdk" in name)
+        or name.startswith("opentelemetry.exporter")
+        or name == "plannerforge.server.observing.telemetry"
+    }
 
 
 def beside_the_face(module: str, source: str, faces: Mapping[str, list[str]]) -> list[str]:
@@ -129,33 +141,37 @@ def test_a_light_name_on_a_face_loads_no_other_package(package: str, name: str, 
     assert heavy(loaded) == set()
 
 
-@pytest.mark.parametrize(
-    "module", ["plannerforge.cli.program", "plannerforge.server.assembly", "plannerforge.engine.execution.worker"]
-)
+@pytest.mark.parametrize("module", ["plannerforge.cli.program", "plannerforge.engine.execution.worker"])
 def test_start_loads_no_heavy_modules(module: str) -> None:
     loaded = loaded_after(f"import {module}")
     assert module in loaded
     assert heavy(loaded) == set()
 
 
-def test_schemas_and_tools_load_no_heavy_modules() -> None:
+def test_server_and_tools_load_no_heavy_modules() -> None:
     loaded = loaded_after(
+        "from plannerforge.server.assembly import create_server\n"
+        "from plannerforge.server.settings import Settings\n"
         "from plannerforge.tools.registry import TOOLS\n"
         "from plannerforge.server.tool_schema import tool_description\n"
         "for spec in TOOLS:\n"
         "    tool_description(spec), spec.load_function()\n"
+        "create_server(Settings())\n"
     )
     assert heavy(loaded) == set()
+    assert telemetry(loaded) == set()
 
 
-@pytest.mark.parametrize("name", LAYERS)
-def test_common_names_stay_free_in_other_folders(name: str, tmp_path: Path) -> None:
+def test_common_names_stay_free_in_other_folders(tmp_path: Path) -> None:
+    imports = "\n".join(f"import plannerforge.{name}" for name in LAYERS)
     done = run(
-        f"import importlib.util, sys, plannerforge.{name}\n"
+        f"import importlib.util, json, sys\n{imports}\n"
         f"sys.path = [folder for folder in sys.path if folder != {str(CHECKOUT)!r}]\n"  # where PYTHONPATH names it
-        f"found = importlib.util.find_spec('{name}')\n"
-        "print(list(found.submodule_search_locations or [found.origin]) if found else [])",
+        f"found = {{name: importlib.util.find_spec(name) for name in {LAYERS!r}}}\n"
+        "print(json.dumps({name: [*(spec.submodule_search_locations or ()), spec.origin]"
+        " for name, spec in found.items() if spec}))",
         tmp_path,
     )
     assert done.returncode == 0, done.stderr
-    assert str(CHECKOUT / name) not in done.stdout, "other packages may have the name, we may not"
+    ours = {name: places for name, places in json.loads(done.stdout).items() if str(CHECKOUT / name) in str(places)}
+    assert ours == {}, "other packages may have the name, we may not"

@@ -1,5 +1,6 @@
 """The set-up script: by uv where that is, else by pip, with torch for the CPU where it can be had; it says which."""
 
+import ensurepip
 import functools
 import http.server
 import os
@@ -78,9 +79,21 @@ def set_up(folder: Path, address: str) -> tuple[str, str]:
 
 @pytest.fixture(scope="module")
 def new_environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An environment with pip alone, made once: tests copy it, as bringing pip into one takes seconds."""
+    """An environment with pip alone, made once: tests copy it.
+
+    The wheel of pip that comes with Python is unpacked, because pip needs seconds to install itself. Its first use
+    leaves bytecode for the copies.
+    """
     folder = tmp_path_factory.mktemp("environment") / "venv"
-    venv.create(folder, with_pip=True, symlinks=True)
+    wheels = sorted((Path(ensurepip.__file__).parent / "_bundled").glob("pip-*.whl"))
+    venv.create(folder, with_pip=not wheels, symlinks=True)
+    python = folder / "bin" / "python"
+    if wheels:
+        with zipfile.ZipFile(wheels[-1]) as wheel:
+            wheel.extractall(next((folder / "lib").glob("python3*")) / "site-packages")
+        (folder / "bin" / "pip").write_text(f'#!/bin/sh\nexec "{python}" -m pip "$@"\n', encoding="utf-8")
+        (folder / "bin" / "pip").chmod(0o755)
+    subprocess.run([python, "-m", "pip", "install", "--no-index", "absent"], capture_output=True, check=False)
     return folder
 
 

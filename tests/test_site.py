@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -36,6 +37,7 @@ def pages_of(part: object) -> Iterator[str]:
             yield from pages_of(below)
 
 
+@cache
 def anchors(page: Path) -> set[str]:
     """The anchors of a page's headings, as code hosts and the site make them."""
     found: list[str] = []

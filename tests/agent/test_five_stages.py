@@ -22,7 +22,7 @@ def recording() -> ModuleType:
 
 
 @pytest.mark.anyio
-@pytest.mark.usefixtures("warm_workers")
+@pytest.mark.usefixtures("starter_ready", "warm_workers")
 async def test_a_chat_covers_five_stages(recording: ModuleType, settings: Settings, tmp_path: Path) -> None:
     results = []
     with serving("ollama", recording.script) as server:

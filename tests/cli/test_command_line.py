@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from plannerforge import __version__
-from plannerforge.cli import ui
+from plannerforge.cli import program, ui
 from plannerforge.cli.program import application
 from plannerforge.engine import execution
 from plannerforge.engine.workspace import Recipe, Workspace
@@ -109,6 +109,7 @@ def test_tools_are_listed_with_their_cost() -> None:
         (("--workers", "0"), "--workers: workers takes a whole number from 1 to 64, not 0"),
         (("--workers", "0", "--tools", "few"), "; --tools: tools cannot be 'few' (valid: essential, all)"),
         (("--log-level", "warn"), "log_level cannot be 'warn' (valid: WARNING, "),
+        (("--log-format", "xml"), "--log-format: log_format cannot be 'xml' (valid: "),
     ],
 )
 def test_wrong_flag_is_one_line(flags: tuple[str, ...], named: str) -> None:
@@ -148,17 +149,30 @@ def test_prompts_are_listed_with_their_cost_and_printed() -> None:
     assert "there is no task 'cooking'" in refused.stderr
 
 
-@pytest.mark.parametrize("command", [("serve",), ("maps", "list")])
-def test_an_impossible_workspace_is_reported_in_one_line(command: tuple[str, ...], tmp_path: Path) -> None:
+def test_an_impossible_workspace_of_a_server_is_reported_in_one_line(tmp_path: Path) -> None:
     """In a process of its own: `serve` takes over standard input and output, which a test's process needs."""
     file = tmp_path / "file"
     file.touch()
-    program = [sys.executable, "-m", "plannerforge", *command, "--workspace", str(file)]
-    ended = subprocess.run(program, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
+    words = [sys.executable, "-m", "plannerforge", "serve", "--workspace", str(file)]
+    ended = subprocess.run(words, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
     assert ended.returncode == 1
     assert ended.stdout == ""
     assert f"workspace database {file} cannot be used" in ended.stderr
     assert "Traceback" not in ended.stderr
+
+
+def test_an_impossible_workspace_of_a_command_is_reported_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    monkeypatch.setattr("sys.argv", ["plannerforge", "maps", "list", "--workspace", str(file)])
+    with pytest.raises(SystemExit, match="1"):
+        program.run(application)
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert f"workspace database {file} cannot be used" in said.err
+    assert "Traceback" not in said.err
 
 
 @pytest.mark.parametrize("words", [["serve"], ["serve", "--http"], ["ui", "--no-open"]])

@@ -14,6 +14,7 @@ from plannerforge.engine.maps.drawn_library import LIBRARY
 @pytest.fixture(autouse=True)
 def _workspace_of_the_test(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PLANNERFORGE_WORKSPACE", str(tmp_path / "workspace"))
+    monkeypatch.setenv("PLANNERFORGE_STARTER", "false")
     monkeypatch.setenv("COLUMNS", "250")
 
 

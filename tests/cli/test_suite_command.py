@@ -1,6 +1,7 @@
 """``plannerforge test``: exit codes, what is printed and written, baselines, and the example of the docs."""
 
 import shlex
+import shutil
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from typer.testing import CliRunner, Result
 from plannerforge.cli.program import application
 from plannerforge.cli.suite import junit_xml, markdown, read_suite
 from plannerforge.schemas.analysis.suite import SuiteReport
+from plannerforge.server.settings import Settings
 
 CHECKOUT = Path(__file__).resolve().parent.parent.parent
 EXAMPLE = CHECKOUT / "docs" / "examples" / "gate"
@@ -18,9 +20,9 @@ SCENARIOS = ["preset:2"]
 
 
 @pytest.fixture(scope="module")
-def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def workspace(tmp_path_factory: pytest.TempPathFactory, starter_workspace: Path) -> Path:
     """One workspace for all suites of this file: what was run is not run again."""
-    return tmp_path_factory.mktemp("gate") / "workspace"
+    return shutil.copytree(starter_workspace, tmp_path_factory.mktemp("gate") / "workspace")
 
 
 _TOLD = ({"type", "message"}, set[str](), ())
@@ -187,7 +189,10 @@ def test_outcomes_of_runs_are_distinguished_in_junit_and_markdown() -> None:
     assert not report.passed
 
 
-def test_the_workflow_of_the_docs_runs_the_suite_of_the_docs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.usefixtures("starter_ready")
+def test_the_workflow_of_the_docs_runs_the_suite_of_the_docs(
+    tmp_path: Path, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
     workflow = yaml.safe_load((EXAMPLE / "planner-gate.yml").read_text(encoding="utf-8"))
     steps = workflow["jobs"]["gate"]["steps"]
     (command,) = (step["run"] for step in steps if "plannerforge test" in step.get("run", ""))
@@ -196,9 +201,8 @@ def test_the_workflow_of_the_docs_runs_the_suite_of_the_docs(tmp_path: Path, mon
     suite = CHECKOUT / words[2]
     assert suite == EXAMPLE / "suite.yaml"
     read_suite(suite)
-    result = CliRunner(env={"PLANNERFORGE_MAPS_ONLINE": "offline"}).invoke(
-        application, ["test", str(suite), *words[3:]]
-    )
+    environment = {"PLANNERFORGE_MAPS_ONLINE": "offline", "PLANNERFORGE_WORKSPACE": str(settings.workspace)}
+    result = CliRunner(env=environment).invoke(application, ["test", str(suite), *words[3:]])
     assert result.exit_code == 0, result.output
     assert (tmp_path / "gate.xml").is_file()
     assert "all 9 limits hold" in (tmp_path / "summary.md").read_text(encoding="utf-8")

@@ -1,13 +1,18 @@
 """A workspace with content for every tool, created once."""
 
+import shutil
+from pathlib import Path
+
 import pytest
 from support.contract import Prepared, prepare
 from support.server import ERA_NAMES, ERAS
 
 
 @pytest.fixture(scope="session")
-def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
-    return prepare(tmp_path_factory.mktemp("prepared"))
+def prepared(tmp_path_factory: pytest.TempPathFactory, starter_workspace: Path) -> Prepared:
+    folder = tmp_path_factory.mktemp("prepared")
+    shutil.copytree(starter_workspace, folder / "workspace")
+    return prepare(folder)
 
 
 @pytest.fixture(params=ERAS, ids=ERA_NAMES)

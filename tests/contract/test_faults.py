@@ -48,7 +48,7 @@ async def test_a_killed_worker_gives_an_error_and_the_next_call_works(
         assert strike.struck.is_set()
         assert result.is_error
         assert "[worker_failure]" in result.content[0].text  # type: ignore[union-attr]
-        again = await client.call_tool("generate_scenarios", {"duration_s": 5, "seed": 4})
+        again = await client.call_tool("generate_scenarios", {"duration_s": 5, "goal": "steps:20", "seed": 4})
         assert not again.is_error
 
 
@@ -61,7 +61,7 @@ async def test_a_cancelled_call_ends_its_worker_and_the_next_call_works(
         assert scope.cancelled_caught
         while own_workers():
             await anyio.sleep(0.05)
-        again = await client.call_tool("generate_scenarios", {"duration_s": 5, "seed": 4})
+        again = await client.call_tool("generate_scenarios", {"duration_s": 5, "goal": "steps:20", "seed": 4})
         assert not again.is_error
 
 
@@ -70,6 +70,6 @@ async def test_a_server_that_is_left_leaves_no_worker(
     connect: Connect, own_workers: Callable[[], set[psutil.Process]]
 ) -> None:
     async with connect() as client:
-        await client.call_tool("generate_scenarios", {"duration_s": 5, "seed": 4})
+        await client.call_tool("generate_scenarios", {"duration_s": 5, "goal": "steps:20", "seed": 4})
         assert own_workers()
     assert not own_workers()

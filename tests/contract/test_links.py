@@ -16,7 +16,7 @@ pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("warm_workers")]
 QUICK = {"scenarios": ["<scenario>"], "seed": 7}
 """A planner that is asked for it runs anew with each seed."""
 MAKING: tuple[tuple[str, dict[str, Any]], ...] = (
-    ("generate_scenarios", {"duration_s": 5, "seed": 4141}),
+    ("generate_scenarios", {"duration_s": 5, "goal": "steps:20", "seed": 4141}),
     ("find_scenarios", {"obstacles": ["bus=0"], "limit": 1}),
     ("import_files", {"path": "linked.xml"}),
     ("import_files", {"path": "linked.yaml"}),

@@ -21,11 +21,11 @@ def attempt_of(*calls: MadeCall, ending: Any = "answered", answers: tuple[str, .
     return Attempt("one", tuple(calls), answers, ending)
 
 
-async def carried_out(folder: Path, *calls: Call) -> list[MadeCall]:
+async def carried_out(folder: Path, *calls: Call, **more: Any) -> list[MadeCall]:
     """Calls and their answers on a workspace with one generated scenario, which they name ``latest``."""
     made = []
     async with opened(folder / "workspace", (folder,), maps=folder) as client:
-        for call in (Call("generate_scenarios", MADE), *calls):
+        for call in (Call("generate_scenarios", {**MADE, **more}), *calls):
             answer = await answer_to(client, call)
             made.append(MadeCall(call.tool, call.arguments, answer.text, answer.structured, answer.is_error, 0.1))
     return made
@@ -35,6 +35,7 @@ def request_of(task: Any, truth: dict[str, Any], expect: Any = "ok", corpus: str
     return EvalRequest("one", task, corpus or task, "do it", truth, expect, map_file="fahrhausen.osm")
 
 
+@pytest.mark.usefixtures("warm_workers")
 async def test_a_generation_is_done_if_the_file_matches_the_request(tmp_path: Path) -> None:
     made = await carried_out(tmp_path)
     truth = {
@@ -61,9 +62,12 @@ async def test_a_generation_is_done_if_the_file_matches_the_request(tmp_path: Pa
     assert score_attempt(refused, attempt_of(ending="refused"), tmp_path / "workspace").done
 
 
+@pytest.mark.usefixtures("warm_workers")
 async def test_an_edit_is_judged_by_the_written_file(tmp_path: Path) -> None:
     edits = [{"op": "remove_vehicle", "vehicles": ["nearest:1"]}]
-    made = await carried_out(tmp_path, Call("modify_scenario", {"scenario_id": "latest", "edits": edits}))
+    made = await carried_out(
+        tmp_path, Call("modify_scenario", {"scenario_id": "latest", "edits": edits}), goal="steps:20"
+    )
     key = made[1].structured["edits"][0]["vehicles"][0]
     truth = {"edits": [{"op": "remove_vehicle", "selector": {"by": "ids", "ids": [key]}, "vehicle_ids": [key]}]}
     request = request_of("modification", truth, corpus="modification_P")
@@ -76,8 +80,10 @@ async def test_an_edit_is_judged_by_the_written_file(tmp_path: Path) -> None:
     assert not score_attempt(request, attempt_of(made[0]), tmp_path / "workspace").done
 
 
+@pytest.mark.usefixtures("warm_workers")
 async def test_weights_come_from_the_stored_configuration(tmp_path: Path) -> None:
-    made = await carried_out(tmp_path, Call("configure_planner", {"weights": ["jerk=0.3"], "base": "frenetix:Default"}))
+    configured = Call("configure_planner", {"weights": ["jerk=0.3"], "base": "frenetix:Default"})
+    made = await carried_out(tmp_path, configured, goal="steps:20")
     weights = {
         "acceleration": 0,
         "jerk": 0.3,

@@ -29,6 +29,8 @@ pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("importable_tests")]
 Ask = Callable[..., Awaitable[Any]]
 FAULTS = ("hang", "native_crash", "killed", "leave", "memory", "defect", "disk")
 NAMED = {"worker_timeout", "worker_failure", "resource_failure", "unexpected"}
+LIGHT = ["idm"]
+"""The faults are those of workers; this planner loads no library, so that new workers start fast."""
 NEAR = Problem(goal=(62.0, 0.0, 8.0, 3.0), steps=(15, 30))
 
 
@@ -121,13 +123,13 @@ async def test_every_misbehaviour_loses_its_own_run_by_name_and_is_tried_again(
         (faults / scenario_id(number)).write_text(fault)
     async with served() as ask:
         await ask("import_files", path=str(files))
-        first = await ask("run_planner", scenarios=["preset:9"], wait_s=50)
+        first = await ask("run_planner", scenarios=["preset:9"], configs=LIGHT, wait_s=50)
         assert (first["state"], first["total"], first["finished"]) == ("done", 9, 2)
         assert {cell["scenario_id"] for cell in first["lost"]} == {scenario_id(number) for number in range(1, 8)}
         assert codes(first) == NAMED
         assert all("secret" not in cell["error"] for cell in first["lost"])
         shutil.rmtree(faults)
-        second = await ask("run_planner", scenarios=["preset:9"], wait_s=50)
+        second = await ask("run_planner", scenarios=["preset:9"], configs=LIGHT, wait_s=50)
         assert (second["finished"], second["reused"], second["lost"]) == (9, 2, [])
         assert second["batch_id"] != first["batch_id"]
         assert list(stored_runs(tmp_path).values()) == [1] * 9
@@ -139,9 +141,9 @@ async def test_a_single_run_that_crashes_is_an_error_and_the_next_call_works(
     (faults / scenario_id(1)).write_text("native_crash")
     async with served(workers=1) as ask:
         await ask("import_files", path=str(files))
-        assert "[worker_failure]" in await ask("run_planner", scenarios=[scenario_id(1)])
+        assert "[worker_failure]" in await ask("run_planner", scenarios=[scenario_id(1)], configs=LIGHT)
         (faults / scenario_id(1)).unlink()
-        assert (await ask("run_planner", scenarios=[scenario_id(1)]))["finished"] == 1
+        assert (await ask("run_planner", scenarios=[scenario_id(1)], configs=LIGHT))["finished"] == 1
 
 
 async def test_workers_killed_at_random_lose_no_run(
@@ -163,7 +165,7 @@ async def test_workers_killed_at_random_lose_no_run(
         tasks.start_soon(kill_now_and_then)
         finished = 0
         for _ in range(8):
-            result = await ask("run_planner", scenarios=["preset:9"], wait_s=50)
+            result = await ask("run_planner", scenarios=["preset:9"], configs=LIGHT, wait_s=50)
             assert result["finished"] + len(result["lost"]) == 9
             assert codes(result) <= {"worker_failure"}
             assert result["finished"] >= finished, "what was finished stays"
@@ -198,11 +200,11 @@ async def test_a_full_disk_while_a_run_is_written_leaves_no_files(
         for owner, name, full in ((Path, "write_text", written), (shutil, "copyfile", copied)):
             with monkeypatch.context() as patch:
                 patch.setattr(owner, name, full)
-                first = await ask("run_planner", scenarios=["preset:2"], wait_s=50)
+                first = await ask("run_planner", scenarios=["preset:2"], configs=LIGHT, wait_s=50)
             assert codes(first) == {"resource_failure"}
             assert not stored_runs(tmp_path)
             assert not list((tmp_path / "workspace").glob("runs/*"))
-        assert (await ask("run_planner", scenarios=["preset:2"], wait_s=50))["finished"] == 2
+        assert (await ask("run_planner", scenarios=["preset:2"], configs=LIGHT, wait_s=50))["finished"] == 2
 
 
 async def test_a_cancelled_batch_keeps_its_finished_runs(
@@ -212,14 +214,14 @@ async def test_a_cancelled_batch_keeps_its_finished_runs(
     scenarios = [scenario_id(number) for number in (1, 2, 3)]
     async with served(workers=1) as ask:
         await ask("import_files", path=str(files))
-        started = await ask("run_planner", scenarios=scenarios, wait_s=0)
+        started = await ask("run_planner", scenarios=scenarios, configs=LIGHT, wait_s=0)
         while (await ask("get_job", job_id=started["job_id"], wait_s=1))["share"] < 0.6:
             pass
         cancelled = await ask("cancel_job", job_id=started["job_id"])
         assert cancelled["state"] == "cancelled"
         assert len(cancelled["results"]) == 2
         (faults / scenario_id(3)).unlink()
-        again = await ask("run_planner", scenarios=scenarios, wait_s=50)
+        again = await ask("run_planner", scenarios=scenarios, configs=LIGHT, wait_s=50)
         assert (again["finished"], again["reused"]) == (3, 2)
 
 
@@ -264,7 +266,7 @@ async def test_two_servers_on_one_workspace_lose_no_work_and_repeat_none(
     def work(index: int, grid: dict[str, list[str]]) -> None:
         answers[index] = servers[index].call("run_planner", wait_s=50, **grid)
 
-    for config, sizes in (("frenetix:Default", (9, 9)), ("frenetix:Safety", (9, 6))):
+    for config, sizes in (("idm", (9, 9)), ("idm:Sporty", (9, 6))):
         async with anyio.create_task_group() as tasks:
             for index, size in enumerate(sizes):
                 grid = {"scenarios": [f"preset:{size}"], "configs": [config]}

@@ -19,6 +19,7 @@ def test_the_notebook_contains_the_executed_cells() -> None:
     assert not [output for cell in shown for output in cell["outputs"] if output["output_type"] == "error"]
 
 
+@pytest.mark.usefixtures("starter_ready")
 def test_twelve_lines_make_a_table_of_thirty_runs_of_an_own_planner(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

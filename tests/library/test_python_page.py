@@ -11,6 +11,7 @@ from support.tree import CHECKOUT
 PROGRAMS = re.findall(r"```python\n(.*?)```", (CHECKOUT / "docs" / "python.md").read_text(encoding="utf-8"), re.DOTALL)
 
 
+@pytest.mark.usefixtures("starter_ready")
 @pytest.mark.parametrize("program", PROGRAMS, ids=["planners by name", "an own planner"])
 def test_a_printed_program_runs(program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -116,7 +116,7 @@ def test_closest_ignores_case_and_signs(word: str, nearest: str) -> None:
     assert closest(word, ["Default", "Comfort", "Safety-Conservative", "Efficiency"])[0] == nearest
 
 
-@given(st.text(max_size=20), st.lists(st.text(max_size=10), unique=True, max_size=20))
+@given(st.text(max_size=8), st.lists(st.text(max_size=5), unique=True, max_size=14))
 def test_closest_gives_known_words_only(word: str, known: list[str]) -> None:
     found = closest(word, known)
     assert set(found) <= set(known)

@@ -19,7 +19,7 @@ from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
 from plannerforge.tools.registry import TOOLS
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
 SCENARIO, OTHER = "ZAM_Fahrhausen-4_1_T-1", "ZAM_Fahrhausen-5_1_T-1"
 
 

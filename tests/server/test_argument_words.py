@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from functools import cache
 from typing import Any, Literal, get_args
 
 import pytest
@@ -42,6 +43,7 @@ BAD_VALUES: dict[str, Any] = {
 }
 
 
+@cache
 def rows_of_pydantic() -> set[str]:
     """What pydantic writes between the values of its messages, for each kind of error."""
     templates = {
@@ -55,7 +57,8 @@ def rows_of_pydantic() -> set[str]:
 
 
 def leaked(text: str) -> list[str]:
-    return sorted(row for row in rows_of_pydantic() if row.lower() in text.lower())
+    told = text.lower()
+    return sorted(row for row in rows_of_pydantic() if row.lower() in told)
 
 
 def arguments_of_tools() -> Iterator[tuple[type[BaseModel], str, str]]:

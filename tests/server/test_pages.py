@@ -16,7 +16,7 @@ from plannerforge.server.http.pages.content import Content, Facts
 from plannerforge.server.observing.journal import JOURNAL
 from plannerforge.server.settings import Settings
 
-pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("warm_workers")]
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready", "warm_workers")]
 PNG = b"\x89PNG\r\n"
 
 

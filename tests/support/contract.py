@@ -119,7 +119,7 @@ CASES: dict[str, Case] = {
         ),
     ),
     "generate_scenarios": Case(
-        {"scenario_type": "roundabout", "duration_s": 6, "vehicles": ["truck"], "seed": 1},
+        {"scenario_type": "roundabout", "duration_s": 6, "vehicles": ["truck"], "goal": "steps:20", "seed": 1},
         (
             Bad({"place": "Atlantis"}, ("Atlantis", "Musterstadt")),
             Bad({"scenario_type": "roundabaut"}, ("roundabaut", "roundabout")),
@@ -304,7 +304,7 @@ CASES: dict[str, Case] = {
         ),
     ),
     "export_artifacts": Case(
-        {"ids": ["<scenario>", "<batch>"], "folder": "<folder>/exported", "formats": ["html"], "overwrite": True},
+        {"ids": ["<scenario>", "<batch>"], "folder": "<folder>/exported", "overwrite": True},
         (
             Bad({"ids": ["<scenario>"], "folder": "/etc"}, ("/etc", "plannerforge-export")),
             Bad({"ids": ["<scenario>x"], "folder": "<folder>/no"}, ("<scenario>",)),

@@ -46,12 +46,27 @@ def imports_of(module: str, source: str) -> Iterator[tuple[str, str]]:
         source: the text of the module.
     """
     package = module.rpartition(".")[0]
-    for node in ast.walk(ast.parse(source)):
+    for node in import_statements(source):
         if isinstance(node, ast.Import):
             yield from ((alias.name, "") for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
+        else:
             origin = resolve_name("." * node.level + (node.module or ""), package) if node.level else str(node.module)
             yield from ((origin, alias.name) for alias in node.names)
+
+
+def import_statements(source: str) -> Iterator[ast.Import | ast.ImportFrom]:
+    """Return the import statements of a source text, wherever they stand.
+
+    Only statements are visited: ``ast.walk`` visits each expression too, and takes as long as parsing.
+    """
+    waiting: list[ast.AST] = [ast.parse(source)]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield node
+        for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+            inner = getattr(node, part, None)
+            waiting += inner if isinstance(inner, list) else ()
 
 
 def loaded_script(name: str) -> ModuleType:

@@ -12,7 +12,7 @@ from plannerforge.schemas.runs import BatchRecord, LostCell, Outcome, RunRecord
 from plannerforge.schemas.scenarios import ScenarioRecord
 from plannerforge.server.settings import Settings
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
 ONE, TWO, THREE = "ZAM_Landmoor-32_1_T-1", "ZAM_Fahrhausen-4_1_T-1", "ZAM_Musterstadt-3_1_T-1"
 EDITED = "ZAM_Landmoor-32_2_T-1"
 

@@ -13,7 +13,7 @@ from plannerforge.schemas.runs import BatchRecord, Outcome, RunRecord
 from plannerforge.schemas.scenarios import ScenarioRecord
 from plannerforge.server.settings import Settings
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
 SCENARIOS = ("ZAM_Landmoor-32_1_T-1", "ZAM_Fahrhausen-4_1_T-1", "ZAM_Musterstadt-3_1_T-1")
 
 

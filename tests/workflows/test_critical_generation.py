@@ -14,7 +14,7 @@ from plannerforge.workflows.critical_scenarios import with_encounter
 
 pytestmark = pytest.mark.anyio
 BASE = "ZAM_Town-1_1_T-1"
-QUIET = town_road().with_vehicles(driving(34, (280, 7), 11.0, 151, heading_rad=3.14159))
+QUIET = town_road().with_vehicles(driving(34, (280, 7), 11.0, 81, heading_rad=3.14159))
 
 
 async def critical(
@@ -40,7 +40,7 @@ async def test_a_raised_scenario_has_an_added_encounter_and_is_the_same_again(tm
 
 
 async def test_a_scenario_in_which_the_planner_fails_unavoidably_stays_as_it_is(tmp_path: Path) -> None:
-    in_contact_soon = town_road().with_vehicles(driving(31, (46, 0), 0.0, 151))
+    in_contact_soon = town_road().with_vehicles(driving(31, (46, 0), 0.0, 81))
     made, _ = await critical(tmp_path, "critical", in_contact_soon)
     assert made.scenario_id == BASE
     assert len(made.notes) == 1

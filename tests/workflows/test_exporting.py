@@ -9,6 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 from mcp import Client
 from support.builders import Problem, town_road
+from support.loop_watch import watched_loop
 from support.runs import record
 
 from plannerforge.schemas.runs import RunSeries
@@ -25,8 +26,8 @@ BLOCKED = Problem(start=(70.0, 0.0, 0.0, 8.0))
 async def test_solution_of_a_run_and_tables_of_a_batch(settings: Settings, tmp_path: Path) -> None:
     folder = tmp_path / "files"
     folder.mkdir()
-    replace(town_road(), problems=(NEAR,)).write(folder / "one.xml")
-    replace(town_road(), problems=(BLOCKED,), benchmark_id="ZAM_Builder-2_1_T-1").write(folder / "two.xml")
+    replace(town_road().cut(61), problems=(NEAR,)).write(folder / "one.xml")
+    replace(town_road().cut(61), problems=(BLOCKED,), benchmark_id="ZAM_Builder-2_1_T-1").write(folder / "two.xml")
     own = settings.model_copy(update={"starter": False})
     async with Client(create_server(own, start_folder=tmp_path)) as client:
 
@@ -52,9 +53,9 @@ async def test_solution_of_a_run_and_tables_of_a_batch(settings: Settings, tmp_p
         assert RunSeries.model_validate_json(files["series"].read_bytes()).steering_rad
         untold = await ask("export_artifacts", ids=[invalid["run_id"]], formats=["csv"], folder="out")
         assert "as csv" in untold
-        report = await ask(
-            "export_artifacts", ids=["ZAM_Builder-1_1_T-1", grid["batch_id"]], formats=["html"], folder="r"
-        )
+        with watched_loop():
+            shown = ["ZAM_Builder-1_1_T-1", grid["batch_id"]]
+            report = await ask("export_artifacts", ids=shown, formats=["html"], folder="r")
         page, player, board = (Path(file["path"]) for file in report["files"])
         assert [file["format"] for file in report["files"]] == ["html", "view", "view"]
         assert f'href="{player.name}"' in page.read_text()
@@ -119,7 +120,7 @@ async def test_a_scenario_is_exported_for_other_tools_with_its_roads(settings: S
 async def test_a_run_has_no_roads_to_export(settings: Settings, tmp_path: Path) -> None:
     folder = tmp_path / "files"
     folder.mkdir()
-    replace(town_road(), problems=(NEAR,)).write(folder / "one.xml")
+    replace(town_road().cut(61), problems=(NEAR,)).write(folder / "one.xml")
     own = settings.model_copy(update={"starter": False})
     async with Client(create_server(own, start_folder=tmp_path)) as client:
         await client.call_tool("import_files", {"path": str(folder)})

@@ -22,7 +22,7 @@ from plannerforge.workflows.context import WorkflowContext
 
 BASE = "ZAM_Town-1_1_T-1"
 RUNS = 20
-QUIET = town_road().with_vehicles(driving(34, (280, 7), 11.0, 151, heading_rad=3.14159))
+QUIET = town_road().with_vehicles(driving(34, (280, 7), 11.0, 81, heading_rad=3.14159))
 
 
 class Stopped(Exception):
@@ -169,7 +169,7 @@ async def test_a_batch_that_two_searches_appended_counts_once(whole: Searched) -
 
 @pytest.mark.anyio
 async def test_a_base_that_fails_already_is_refused_with_its_failure(tmp_path: Path) -> None:
-    standing = driving(31, (70, 0), 0.0, 151)
+    standing = driving(31, (70, 0), 0.0, 81)
     workspace = workspace_with(tmp_path, town_road().with_vehicles(standing))
     with pytest.raises(NotPossible, match=r"already fails .* without a change: collided with obstacle 31") as refusal:
         await searched(workspace, progress())
@@ -179,7 +179,7 @@ async def test_a_base_that_fails_already_is_refused_with_its_failure(tmp_path: P
 
 @pytest.mark.anyio
 async def test_a_call_refuses_a_useless_base_that_its_job_opened(tmp_path: Path) -> None:
-    standing = driving(31, (70, 0), 0.0, 151)
+    standing = driving(31, (70, 0), 0.0, 81)
     workspace = workspace_with(tmp_path, town_road().with_vehicles(standing))
     arguments = FindFailuresArguments(scenario_id=BASE, config="keep_lane", runs=4)
     async with anyio.create_task_group() as tasks:

@@ -8,7 +8,9 @@ from support.server import Connect
 from plannerforge.server.settings import Settings
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
-WISH = {"place": "Musterstadt", "vehicles": ["truck", "bicycle=2"], "duration_s": 5, "count": 2, "seed": 4}
+NEAR = {"duration_s": 5, "goal": "steps:20"}
+"""Short recordings with a near goal take one simulation; a way through a site takes up to ten."""
+WISH = {"place": "Musterstadt", "vehicles": ["truck", "bicycle=2"], "count": 2, "seed": 4, **NEAR}
 
 
 async def test_scenarios_are_stored_and_the_same_request_gives_the_stored_ones(connect: Connect) -> None:
@@ -29,7 +31,7 @@ async def test_scenarios_are_stored_and_the_same_request_gives_the_stored_ones(c
 
 async def test_no_site_is_used_twice_and_too_few_sites_give_fewer_scenarios(connect: Connect) -> None:
     async with connect() as client:
-        wish = {"place": "Ostallee", "scenario_type": "intersection", "duration_s": 5, "count": 9}
+        wish = {"place": "Ostallee", "scenario_type": "intersection", "count": 9, **NEAR}
         answer = (await client.call_tool("generate_scenarios", wish)).structured_content
         assert answer is not None
         made = answer["scenarios"]
@@ -98,13 +100,13 @@ async def test_a_trial_run_reports_the_default_planner_s_result_on_a_scenario(co
 
 async def test_no_planner_runs_unless_requested(connect: Connect) -> None:
     async with connect() as client:
-        answer = await client.call_tool("generate_scenarios", {"place": "Landmoor", "duration_s": 5})
+        answer = await client.call_tool("generate_scenarios", {"place": "Landmoor", **NEAR})
         assert answer.structured_content is not None
         assert answer.structured_content["scenarios"][0]["trial_run"] == ""
 
 
 async def test_a_scenario_with_a_used_id_gets_a_new_one(connect: Connect, settings: Settings, tmp_path: Path) -> None:
-    wish = {"place": "Landmoor", "duration_s": 5, "seed": 8}
+    wish = {"place": "Landmoor", "seed": 8, **NEAR}
     async with connect() as client:
         first = (await client.call_tool("generate_scenarios", wish)).structured_content or {}
         usual = first["scenarios"][0]["scenario_id"]

@@ -38,9 +38,9 @@ def test_maps_take_turns_and_a_replacement_site_is_not_another_scenario_s_own() 
 
 def test_a_site_that_fails_is_replaced_by_an_unused_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     arguments = GenerateScenariosArguments.model_validate(
-        {"place": "Quadratstadt", "scenario_type": "intersection", "duration_s": 5, "count": 3}
+        {"place": "Fahrhausen", "scenario_type": "intersection", "duration_s": 5, "goal": "steps:20", "count": 3}
     )
-    order = share_sites([MAPS["Quadratstadt"]], [21], arguments.count)[0]
+    order = share_sites([MAPS["Fahrhausen"]], [4], arguments.count)[0]
     request = request_for(read_specification(arguments), order, 0)
     asked: list[tuple[float, float]] = []
 
@@ -107,7 +107,7 @@ async def test_the_orders_of_a_call_reach_the_engine_with_their_step(
 @pytest.mark.usefixtures("starter_ready")
 async def test_a_box_over_two_maps_is_served_by_the_map_with_a_site_in_it(connect: Connect) -> None:
     async with connect() as client:
-        wish = {"bbox": OVER_THREE_MAPS, "scenario_type": "intersection", "duration_s": 5}
+        wish = {"bbox": OVER_THREE_MAPS, "scenario_type": "intersection", "duration_s": 5, "goal": "steps:20"}
         answer = (await client.call_tool("generate_scenarios", wish)).structured_content
         assert answer is not None
         made = answer["scenarios"][0]
@@ -129,7 +129,8 @@ async def test_finished_scenarios_are_reported_even_if_another_fails(
 
     monkeypatch.setattr(WorkflowContext, "run", not_the_second)
     async with connect() as client:
-        wish = {"place": "Fahrhausen", "scenario_type": "intersection", "duration_s": 5, "count": 3}
+        near = {"duration_s": 5, "goal": "steps:20"}
+        wish = {"place": "Fahrhausen", "scenario_type": "intersection", "count": 3, **near}
         answer = (await client.call_tool("generate_scenarios", wish)).structured_content
         assert answer is not None
         assert len(answer["scenarios"]) == 2

@@ -15,6 +15,7 @@ WISH = {
     "scenario_type": "urban",
     "vehicles": ["delivery=2", "moped=1", "truck=1"],
     "duration_s": 5,
+    "goal": "steps:20",
 }
 
 
@@ -75,7 +76,8 @@ async def test_scenarios_of_other_origin_lack_this_part(connect: Connect) -> Non
 
 async def test_shares_of_traffic_are_reported_with_their_source(connect: Connect) -> None:
     async with connect() as client:
-        wish = {"place": "Musterstadt", "vehicles": ["bus", "taxi", "truck=30%"], "duration_s": 5}
+        vehicles = ["bus", "taxi", "truck=30%"]
+        wish = {"place": "Musterstadt", "vehicles": vehicles, "duration_s": 5, "goal": "steps:20"}
         made = (await client.call_tool("generate_scenarios", wish)).structured_content
         assert made is not None
         bus, taxi, truck = made["scenarios"][0]["notes"][:3]
@@ -91,7 +93,7 @@ async def test_shares_of_traffic_are_reported_with_their_source(connect: Connect
 async def test_conditions_are_reported_and_the_scenario_is_found_by_them_after_an_edit_too(connect: Connect) -> None:
     async with connect() as client:
         conditions = ["time=night", "drivers=m25_gaps", "trips=fringe"]
-        wish = {"place": "Musterstadt", "duration_s": 5, "conditions": conditions}
+        wish = {"place": "Musterstadt", "duration_s": 5, "goal": "steps:20", "conditions": conditions}
         made = (await client.call_tool("generate_scenarios", wish)).structured_content
         assert made is not None
         scenario_id = made["scenarios"][0]["scenario_id"]

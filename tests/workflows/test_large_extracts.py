@@ -16,7 +16,7 @@ from plannerforge.server.settings import Settings
 from plannerforge.workflows import extracts
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
-WISH = {"place": SECOND_TOWN, "duration_s": 5, "scenario_type": "intersection"}
+WISH = {"place": SECOND_TOWN, "duration_s": 5, "scenario_type": "intersection", "goal": "steps:20"}
 
 
 @pytest.fixture(autouse=True)
@@ -44,7 +44,9 @@ async def added(client: Client, path: Path) -> str:
     return str(item["artifact_id"])
 
 
-async def test_a_town_of_a_country_is_cut_out_and_reported(connect: Connect, country: Path) -> None:
+async def test_a_town_of_a_country_is_cut_out_reported_and_the_same_after_other_requests(
+    connect: Connect, country: Path
+) -> None:
     async with connect() as client:
         map_id = await added(client, country)
         answer = await structured(client, "generate_scenarios", **WISH)
@@ -54,18 +56,11 @@ async def test_a_town_of_a_country_is_cut_out_and_reported(connect: Connect, cou
         listed = str((await client.call_tool("describe_catalog", {"facet": "maps"})).content)
         assert map_id in listed
         assert scenario["map_id"] not in listed
-
-
-async def test_the_same_request_gives_the_same_scenario_after_other_requests(connect: Connect, country: Path) -> None:
-    async with connect() as client:
-        await added(client, country)
-        first = await structured(client, "generate_scenarios", **WISH)
         await structured(client, "generate_scenarios", **{**WISH, "place": f"Uferstraße, {SECOND_TOWN}"})
-        again = await structured(client, "generate_scenarios", **WISH)
-        assert again["scenarios"][0]["scenario_id"] == first["scenarios"][0]["scenario_id"]
-        assert again["scenarios"][0]["reused"]
-        named = await structured(client, "generate_scenarios", **{**WISH, "place": first["scenarios"][0]["map_id"]})
-        assert named["scenarios"][0]["map_id"] == first["scenarios"][0]["map_id"]
+        (again,) = (await structured(client, "generate_scenarios", **WISH))["scenarios"]
+        assert (again["scenario_id"], again["reused"]) == (scenario["scenario_id"], True)
+        named = await structured(client, "generate_scenarios", **{**WISH, "place": scenario["map_id"]})
+        assert named["scenarios"][0]["map_id"] == scenario["map_id"]
 
 
 async def test_a_map_of_the_town_itself_wins_over_the_country(connect: Connect, country: Path) -> None:
@@ -81,7 +76,7 @@ async def test_a_box_outside_all_other_maps_is_cut_out(connect: Connect, country
     async with connect() as client:
         await added(client, country)
         box = [54.59, 5.64, 54.61, 5.66]
-        answer = await structured(client, "generate_scenarios", bbox=box, duration_s=5)
+        answer = await structured(client, "generate_scenarios", bbox=box, duration_s=5, goal="steps:20")
         assert any("was cut out of Country.osm.pbf" in note for note in answer["notes"])
 
 
@@ -174,7 +169,7 @@ class TestMapFolder:
 
     async def test_a_country_in_a_map_folder_is_read_by_a_job(self, connect: Connect) -> None:
         async with connect() as client:
-            before = await structured(client, "generate_scenarios", duration_s=5)
+            before = await structured(client, "generate_scenarios", duration_s=5, goal="steps:20")
             (note,) = [
                 note for note in before["notes"] if "Country.osm.pbf is still being split into tiles: job_" in note
             ]

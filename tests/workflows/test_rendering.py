@@ -1,13 +1,19 @@
 """Pictures as the first thing that is asked of a workspace."""
 
+from pathlib import Path
+
 import pytest
 from support.server import Connect
 
-pytestmark = pytest.mark.anyio
+from plannerforge.server.settings import Settings
+
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
 
 
-async def test_a_scenario_of_the_catalogue_is_drawn_before_anything_opened_it(connect: Connect) -> None:
-    async with connect() as client:
+async def test_a_scenario_of_the_catalogue_is_drawn_before_anything_opened_it(
+    connect: Connect, settings: Settings, tmp_path: Path
+) -> None:
+    async with connect(settings.model_copy(update={"workspace": tmp_path / "unopened"})) as client:
         drawn = await client.call_tool("render", {"ids": ["ZAM_Landmoor-32_1_T-1"]})
     assert not drawn.is_error, drawn.content
 

@@ -25,7 +25,13 @@ async def test_a_scenario_is_made_on_an_imported_network(connect: Connect, net: 
     async with connect() as client:
         imported = await client.call_tool("import_files", {"path": str(net), "name": "Harbour"})
         assert not imported.is_error, imported.content
-        wish = {"place": "Harbour", "scenario_type": "signalised_intersection", "vehicles": ["bus"], "duration_s": 6}
+        wish = {
+            "place": "Harbour",
+            "scenario_type": "signalised_intersection",
+            "vehicles": ["bus"],
+            "duration_s": 6,
+            "goal": "steps:20",
+        }
         answer = await client.call_tool("generate_scenarios", wish)
         assert not answer.is_error, answer.content
         assert answer.structured_content is not None
