@@ -171,8 +171,8 @@ class ExportArtifactsArguments(Arguments):
     """Write files of artifacts into a folder inside an allowed root.
 
     html: one report on scenarios and batches; solution: CommonRoad file of a run; csv, parquet: runs of a batch, steps
-    of a run. opendrive, openscenario: scenarios for other tools; openlabel: their tags; suite: runs or a batch as a
-    test suite.
+    of a run. Scenarios for other tools: opendrive, openscenario; their tags: openlabel. Runs or a batch as a test
+    suite: suite.
 
     Existing files are refused unless overwrite.
     """

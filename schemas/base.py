@@ -194,7 +194,7 @@ def _path(location: tuple[int | str, ...]) -> str:
 def _expected(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[str, str]:
     """Return a description of the values that an argument accepts, and the argument's own description in brackets."""
     named = [place for place, part in enumerate(location) if isinstance(part, str)]
-    name = location[named[-1]] if named else ""
+    name = str(location[named[-1]]) if named else ""
     holder = model_at(model, location[: named[-1] + 1] if named else ())
     schema = _properties(holder).get(name, {} if named else {"type": "object"})
     arms = [arm for arm in schema.get("anyOf", [schema]) if arm.get("type") != "null"]
