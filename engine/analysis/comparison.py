@@ -458,9 +458,14 @@ def _is_significant(test: MetricTest) -> bool:
     """Return True if a metric's difference is significant (Holm), exceeds the metric's resolution, and has an interval
     without 0.
     """
-    if test.p_holm is None or test.low is None or test.high is None or test.shift is None:
+    if test.p_holm is None or test.shift is None:
         return False
-    return test.p_holm < LEVEL and not test.low <= 0 <= test.high and abs(test.shift) > _SPECS[test.name].tolerance
+    return test.p_holm < LEVEL and _excludes_zero(test) and abs(test.shift) > _SPECS[test.name].tolerance
+
+
+def _excludes_zero(test: MetricTest) -> bool:
+    """Return True if the interval of the shift does not include 0."""
+    return test.low is not None and test.high is not None and not test.low <= 0 <= test.high
 
 
 def _counts(spec: MetricSpec, pair: tuple[RunRecord, RunRecord]) -> bool:
@@ -705,15 +710,21 @@ def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[
         for test in telling
     ]
     sentences = [f"After Holm's adjustment, these metrics differ: {'; '.join(words)}."] if words else []
-    differing = [test for test in metrics if test.p_holm is not None and test.p_holm < LEVEL]
-    few = [
-        f"{metric_words(test.name)} (in {test.higher} higher, in {test.lower} lower)"
-        for test in differing
-        if test not in telling
-    ]
+    differing = [test for test in metrics if test.p_holm is not None and test.p_holm < LEVEL and test not in telling]
+    small = [test for test in differing if _excludes_zero(test)]
+    few = [test for test in differing if test not in small]
     if few:
-        sentences.append(f"In some scenarios only, with an equal median: {'; '.join(few)}.")
+        sentences.append(
+            f"These differ in some scenarios, but the interval of the shift includes 0: {_counted_by_sign(few)}."
+        )
+    if small:
+        sentences.append(f"The shift of these does not exceed their resolution: {_counted_by_sign(small)}.")
     if sentences:
         return sentences
     tested = [test for test in metrics if test.p is not None]
     return ["No metric differs significantly."] if tested and success.pairs >= FEWEST_PAIRS else []
+
+
+def _counted_by_sign(tests: Sequence[MetricTest]) -> str:
+    """Return each metric with the number of scenarios in which it rises and falls."""
+    return "; ".join(f"{metric_words(one.name)} (higher in {one.higher}, lower in {one.lower})" for one in tests)

@@ -310,6 +310,15 @@ def test_three_sides_are_ranked_and_equal_ones_share_a_rank() -> None:
     assert "1. good 20/20, 1. nearly 18/20, 3. bad 8/20;" in found.to_text()
 
 
+@pytest.mark.parametrize(("pairs", "is_shown"), [(20, False), (40, True)])
+def test_few_pairs_without_a_flip_do_not_show_that_the_rates_are_alike(pairs: int, *, is_shown: bool) -> None:
+    same = runs(["goal_reached"] * pairs)
+    found = compared(same, same).comparisons[0]
+    assert found.success.high is not None
+    assert (found.success.high < 0.1) == is_shown
+    assert ("less than 10 percentage points" in found.verdict) == is_shown
+
+
 def test_differences_below_the_resolution_do_not_count() -> None:
     first = runs(["goal_reached"] * 8)
     second = runs(["goal_reached"] * 8, SAFE, gaps=[2.009] * 8)
@@ -325,7 +334,7 @@ def test_a_metric_that_differs_in_some_scenarios_only_is_not_reported_to_fall() 
     assert metric.p_holm < 0.05
     assert (metric.shift, metric.higher, metric.lower, metric.better) == (0.0, 0, 10, None)
     assert "minimum_distance_m falls" not in found.verdict
-    assert "minimum distance (in 0 higher, in 10 lower)" in found.verdict
+    assert "minimum distance (higher in 0, lower in 10)" in found.verdict
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from scipy import stats
+from scipy import optimize, stats
 
 from plannerforge.engine.analysis.statistics import (
     mcnemar_exact,
@@ -62,11 +62,37 @@ def alone(after: int, before: int, same: int) -> list[tuple[str, int]]:
     return [(f"scenario {index}", flip) for index, flip in enumerate(flips)]
 
 
-def test_paired_shares_by_hand() -> None:
-    found = paired_shares(alone(9, 1, 10))
-    half = 1.959963984540054 * math.sqrt((11 / 22 - (8 / 22) ** 2) / 22)
-    assert (found.difference, found.low, found.high) == pytest.approx((0.4, 8 / 22 - half, 8 / 22 + half))
-    assert found.p == pytest.approx(mcnemar_exact(1, 9))
+def score_test(after: int, before: int, same: int, difference: float) -> float:
+    """Squared score statistic of a paired difference; the share of flips to failure is the most likely one."""
+    pairs = after + before + same
+
+    def unlikely(failing: float) -> float:
+        gained = failing + difference
+        likely = [(after, gained), (before, failing), (same, 1 - gained - failing)]
+        return -sum(count * math.log(share) for count, share in likely if count)
+
+    low, high = max(0.0, -difference), (1 - difference) / 2
+    failing = optimize.minimize_scalar(unlikely, bounds=(low, high), options={"xatol": 1e-10}).x
+    variance = pairs * (2 * failing + difference - difference**2)
+    return float((after - before - pairs * difference) ** 2 / variance)
+
+
+@pytest.mark.parametrize(("after", "before", "same"), [(9, 1, 10), (12, 5, 40), (3, 3, 50), (30, 2, 1)])
+def test_ends_of_a_paired_interval_are_just_not_rejected_by_the_score_test(after: int, before: int, same: int) -> None:
+    found = paired_shares(alone(after, before, same))
+    for end in (found.low, found.high):
+        assert score_test(after, before, same, end) == pytest.approx(1.959963984540054**2, rel=1e-4)
+    assert found.p == pytest.approx(mcnemar_exact(before, after))
+
+
+@pytest.mark.parametrize(("pairs", "is_within"), [(18, False), (20, False), (34, False), (35, True)])
+def test_pairs_without_a_flip_show_less_than_ten_points_only_if_they_are_many(pairs: int, *, is_within: bool) -> None:
+    found = paired_shares(alone(0, 0, pairs))
+    assert found.high == pytest.approx(wilson_interval(0, pairs)[1])
+    assert found.low == -found.high
+    assert (found.high < 0.1) == is_within
+    if is_within:  # such pairs have a probability of 2.5 % at a difference of ten points
+        assert 0.9**pairs == pytest.approx(0.025, rel=0.01)
 
 
 @given(st.integers(0, 40), st.integers(0, 40), st.integers(0, 40))
