@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from commonroad.common.file_reader import CommonRoadFileReader
+from scipy.optimize import brentq
 from scipy.stats import binomtest, norm, rankdata, spearmanr, t
 from shapely import Point
 
@@ -118,6 +119,28 @@ def sign_flip_p(sizes: Sequence[float], positive: float) -> float:
     return min(1.0, 2 * min(below, above))
 
 
+def score_limit(gained: float, lost: float, size: float) -> float:
+    """Return the largest difference of two paired shares within Tango's score interval (1998)."""
+    tiny = 1e-12
+
+    def failing(difference: float) -> float:
+        """Return the most likely share of flips to failure: the root of the likelihood's derivative."""
+
+        def slope(share: float) -> float:
+            kept = 1 - difference - 2 * share
+            return gained / (share + difference) + lost / share - 2 * (1 - gained - lost) / kept
+
+        low, high = max(0.0, -difference) + tiny, (1 - difference) / 2 - tiny
+        return low if slope(low) <= 0 else high if slope(high) >= 0 else float(brentq(slope, low, high))
+
+    def excess(difference: float) -> float:
+        variance = 2 * failing(difference) + difference * (1 - difference)
+        return size * (gained - lost - difference) ** 2 - Z**2 * variance
+
+    nearest, last = min(gained - lost + 1e-9, 1 - 1e-9), 1 - 1e-9
+    return 1.0 if excess(last) <= 0 else float(brentq(excess, nearest, last))
+
+
 class Pairs:
     """Runs of two configurations of a batch on the same problems."""
 
@@ -144,9 +167,7 @@ class Pairs:
             totals[name] = totals.get(name, 0.0) + flip
         lost, gained = self.count(before=True, after=False) / of, self.count(before=False, after=True) / of
         size = worth(self.flips, gained - lost, gained + lost - (gained - lost) ** 2)
-        up, down = (gained * size + 0.5) / (size + 2), (lost * size + 0.5) / (size + 2)
-        half = Z * math.sqrt((up + down - (up - down) ** 2) / (size + 2))
-        low, high = up - down - half, up - down + half
+        low, high = -score_limit(lost, gained, size), score_limit(gained, lost, size)
         sizes = [abs(total) for total in totals.values() if total]
         positive = sum(total for total in totals.values() if total > 0)
         p = sign_flip_p(sizes, positive)
