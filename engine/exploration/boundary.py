@@ -199,9 +199,11 @@ class Area:
 
     Inside a mixed cell, the edge is approximated by a chord between the points at which it crosses the cell's sides. If
     the edge is monotonic there, the error is at most half of the rectangle around the chord. For a cell that the edge
-    crosses in any other way, the bounds are zero and the whole cell. The upper bound also allows for islands hidden in
-    uniform cells of other labels: the area of these cells times the upper end of a 95 % Wilson interval of the share of
-    checked cells that were not uniform.
+    crosses in any other way, the bounds are zero and the whole cell. Both bounds also allow for islands hidden in
+    uniform cells: the upper end u of a 95 % Wilson interval of the share of checked cells that were not uniform, or 1
+    if none was checked. The lower bound loses u times the area of the label's own uniform cells, and the upper bound
+    gains u times the area of the others. All labels share u, so their bounds hold together: an upper bound and the
+    lower bounds of all other labels never add up to more than 1.
     """
 
     share: float
@@ -237,7 +239,7 @@ def area_of(label: str, search: BoundarySearch, below: tuple[ShareBelow, ShareBe
         below: how often values occur along both parameters, which are taken as independent; by default equally often.
             With them, the error inside a cell with one edge is at most the weight of the rectangle around the chord.
     """
-    share = low = high = hidden = 0.0
+    share = low = high = hidden = uniform = 0.0
     weights = None if below is None else _Weights(below)
     for cell in search.cells:
         (x, y), size = cell.low, cell.size
@@ -262,11 +264,12 @@ def area_of(label: str, search: BoundarySearch, below: tuple[ShareBelow, ShareBe
             else:
                 spread = weights.mass((min(x1, x2), min(y1, y2)), (max(x1, x2), max(y1, y2))) + area / size
         share += own
+        uniform += own if len(known) == 1 else 0.0
         low += max(own - spread, 0.0)
         high += min(own + spread, area)
     checked, odd = search.checks
-    unseen = hidden * _upper_share(odd, checked) if checked else hidden
-    return Area(share, low, min(high + unseen, 1.0))
+    unseen = _upper_share(odd, checked) if checked else 1.0
+    return Area(share, max(low - uniform * unseen, 0.0), min(high + hidden * unseen, 1.0))
 
 
 _SAMPLES = 8

@@ -61,7 +61,31 @@ def test_the_bounds_contain_the_area(name: str) -> None:
     area = area_of("in", searched(function, 150))
     assert area.low <= true <= area.high
     assert area.share == pytest.approx(true, abs=0.03)
-    assert area.high - area.low < 0.25
+    assert area.high - area.low < 0.3
+
+
+def _one(x: float, y: float) -> str:
+    return "out"
+
+
+@pytest.mark.parametrize("function", [*FUNCTIONS.values(), _one])
+@pytest.mark.parametrize("budget", [30, 40, 150])
+def test_shares_add_up_and_bounds_of_one_map_do_not_contradict_one_another(
+    function: Callable[[float, float], str], budget: int
+) -> None:
+    search = searched(function, budget)
+    areas = {label: area_of(label, search) for label in ("in", "out", "never")}
+    assert sum(area.share for area in areas.values()) == pytest.approx(1.0)
+    for label, area in areas.items():
+        assert area.low <= area.share <= area.high
+        assert area.high <= 1.0 - sum(other.low for name, other in areas.items() if name != label) + 1e-9
+
+
+def test_uniform_cells_are_certain_only_as_far_as_they_were_checked() -> None:
+    search = searched(_one, 40)
+    checked, odd = search.checks
+    assert (checked, odd) == (4, 0)
+    assert area_of("out", search).low == pytest.approx(1.0 - area_of("never", search).high)
 
 
 def test_the_budget_is_kept_and_mostly_used() -> None:
