@@ -7,7 +7,7 @@ The default is perfect: the planner receives the true state of every road user w
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, get_args
 
@@ -251,9 +251,11 @@ PRESETS: Mapping[str, Preset] = MappingProxyType(
 
 
 def world_of(texts: Sequence[str] | str | World) -> World:
-    """Return the world that an argument states: presets by name and assignments; later ones override earlier ones.
+    """Return the world that an argument states by presets and values.
 
-    ``"camera, missed=0.2"`` is the camera's world with more misses. Several texts count as one.
+    If it names several presets, each value is the worst of theirs. Assignments replace the presets' values, and later
+    assignments replace earlier ones: ``"camera, missed=0.2"`` is the camera's world with more misses. Several texts
+    count as one.
 
     Raises:
         UnknownName: no preset or field has this name.
@@ -261,14 +263,9 @@ def world_of(texts: Sequence[str] | str | World) -> World:
     """
     if isinstance(texts, World):
         return texts
-    values: dict[str, Any] = {}
-    for text in _items(texts):
-        preset = PRESETS.get(text.lower())
-        if preset is not None:
-            seed = {"seed": values["seed"]} if "seed" in values else {}
-            values = preset.world.model_dump(exclude_defaults=True) | seed
-        else:
-            values |= dict([_assigned(text)])
+    presets = [preset.world for _, preset in _presets_in(texts)]
+    values: dict[str, Any] = {name: _worst(name, presets) for name in World.model_fields if presets}
+    values |= [_assigned(text) for text in _items(texts) if text.lower() not in PRESETS]
     world = World(**values)
     if world.actuator_s > 0 and not world.moves_by_model:
         models = [name for name in get_args(Dynamics) if name != "exact"]
@@ -278,6 +275,31 @@ def world_of(texts: Sequence[str] | str | World) -> World:
             next_step="add one of these, or leave out actuator_s",
         )
     return PERFECT if world.is_perfect else world
+
+
+def combination_notes(texts: Sequence[str] | str | World) -> tuple[str, ...]:
+    """Return what several presets give together, as the text of a note; empty for a single preset."""
+    names = [] if isinstance(texts, World) else list(dict.fromkeys(name for name, _ in _presets_in(texts)))
+    if len(names) < 2:
+        return ()
+    together = world_of(names).in_words()
+    return (f"each value of the world '{', '.join(names)}' is the worst of these presets, which gives '{together}'",)
+
+
+def _presets_in(texts: Sequence[str] | str) -> Iterator[tuple[str, Preset]]:
+    """Yield the presets that an argument names, without ``perfect``, which adds nothing."""
+    for name in map(str.lower, _items(texts)):
+        if name in PRESETS and name != PERFECT_NAME:
+            yield name, PRESETS[name]
+
+
+def _worst(name: str, worlds: Sequence[World]) -> Any:
+    """Return the worst value of a field: the smallest range or field of view, otherwise the largest value."""
+    values = [getattr(world, name) for world in worlds]
+    return min(values) if name in _SMALLER_IS_WORSE else max(values)
+
+
+_SMALLER_IS_WORSE = ("range_m", "view_deg")
 
 
 def _items(texts: Sequence[str] | str) -> Iterable[str]:

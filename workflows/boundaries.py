@@ -477,7 +477,8 @@ async def _finished(record: BoundaryRecord, context: WorkflowContext, asked: str
 
 def _headline(record: BoundaryRecord, asked: str) -> str:
     ranges = (f"{axis.name} {axis.low:g} to {axis.high:g} {axis.unit}".rstrip() for axis in record.axes)
-    mapped = f"{record.scenario.name} over {' × '.join(ranges)}, on {record.base_id}"
+    world = "" if record.world.is_perfect else f" (world {record.world.in_words()})"
+    mapped = f"{record.scenario.name} over {' × '.join(ranges)}, on {record.base_id}{world}"
     found = pre_crash_type(asked)
     if found is None:
         return mapped

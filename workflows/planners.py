@@ -32,7 +32,7 @@ from ..schemas.planning import (
 )
 from ..schemas.runs import Prediction
 from ..schemas.text import shown_name
-from ..schemas.worlds import PERFECT, world_of
+from ..schemas.worlds import PERFECT, combination_notes, world_of
 from .configurations import made_configurations, resolve_configuration, store_configuration
 from .context import WorkflowContext
 from .runs import Cell, answer_of, run_cell, run_many
@@ -135,6 +135,7 @@ async def run_planner(arguments: RunPlannerArguments, context: WorkflowContext) 
     for configuration in configurations.values():
         store_configuration(context, configuration)
     modes = (arguments.prediction, arguments.traffic, arguments.seed, world)
+    notes = (*choice.notes, *combination_notes(arguments.world))
     cells = [
         Cell(chosen.scenario_id, chosen.problem_id, configuration, *modes)
         for configuration in configurations.values()
@@ -144,8 +145,8 @@ async def run_planner(arguments: RunPlannerArguments, context: WorkflowContext) 
         result = await run_cell(context, cells[0], notify_client=True)
         made = [result.record.run_id] if result.record is not None else []
         context.made("run", *made)
-        return await answer_of(context, cells, [result], batch_id=None, notes=choice.notes)
-    return await run_many(context, cells, arguments.wait_s, choice.notes)
+        return await answer_of(context, cells, [result], batch_id=None, notes=notes)
+    return await run_many(context, cells, arguments.wait_s, notes)
 
 
 def _listed(name: str) -> PlannerInfo:

@@ -264,6 +264,7 @@ class OptimizePlannerResult(Result):
             return Answer(f"{self.job_id}: {self.state}; {self.message}", decided=found, next_step=self.next_step)
         study = self.study
         notes = [f"Note: {note}" for note in study.notes]
+        notes += [] if study.world.is_perfect else [f"World of the runs: {study.world.in_words()}."]
         if study.effects:
             return Answer(_effects_headline(study), figures=_effects(study), listed=notes, next_step=self.next_step)
         return Answer(

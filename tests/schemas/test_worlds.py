@@ -3,7 +3,7 @@
 import pytest
 
 from plannerforge.schemas.errors import InvalidRequest, UnknownName
-from plannerforge.schemas.worlds import PERFECT, PRESETS, World, world_of
+from plannerforge.schemas.worlds import PERFECT, PRESETS, World, combination_notes, world_of
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -17,6 +17,24 @@ def test_later_items_count_and_a_world_can_be_read_back_from_its_words() -> None
     assert world == PRESETS["camera"].world.model_copy(update={"missed": 0.2, "seed": 3})
     assert world_of(world.in_words()) == world
     assert world_of(["camera", "missed=0.2", "seed=3"]) == world
+
+
+@pytest.mark.parametrize("first", PRESETS)
+@pytest.mark.parametrize("second", PRESETS)
+def test_two_presets_give_the_worse_of_each_value_in_either_order(first: str, second: str) -> None:
+    both = world_of(f"{first}, {second}")
+    assert both == world_of([second, first])
+    for name in World.model_fields.keys() - {"ego"}:
+        values = [getattr(PRESETS[one].world, name) for one in (first, second)]
+        assert getattr(both, name) == (min(values) if name in ("range_m", "view_deg") else max(values)), name
+    assert world_of(both.in_words()) == both
+
+
+def test_a_combination_says_what_it_gives_and_a_single_preset_needs_no_note() -> None:
+    (note,) = combination_notes("camera, fog, missed=0.3")
+    assert "'camera, fog'" in note
+    assert combination_notes("camera, missed=0.3") == combination_notes("perfect, fog") == ()
+    assert world_of("missed=0.3, camera, fog").missed == 0.3
 
 
 @pytest.mark.parametrize("text", ["", "perfect", "missed=0", "seed=4", "correlation_s=1, kept_s=1"])

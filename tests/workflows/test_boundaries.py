@@ -124,6 +124,13 @@ async def test_the_other_parameters_are_slices(context: WorkflowContext) -> None
 
 
 @pytest.mark.anyio
+async def test_a_map_says_in_which_world_it_was_made(context: WorkflowContext) -> None:
+    record, _ = await explored(context, world="occlusion, missed=0.1")
+    told = await boundaries._finished(record, context)
+    assert "(world occlusion, missed=0.1)" in told.answer().to_text()
+
+
+@pytest.mark.anyio
 async def test_a_map_is_drawn(context: WorkflowContext) -> None:
     record, _ = await explored(context)
     plan = await boundaries._plan(ExploreBoundaryArguments(**SMALL), context)

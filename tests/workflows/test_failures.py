@@ -15,7 +15,7 @@ from benchmarks.harness import call_in_process
 from plannerforge.engine.execution.jobs import JobRunner, JobStore
 from plannerforge.engine.workspace import Workspace
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
-from plannerforge.schemas.failures import EvaluatedPoint, FailureSearchRecord, FindFailuresArguments
+from plannerforge.schemas.failures import EvaluatedPoint, FailureSearchRecord, FindFailuresArguments, FindFailuresResult
 from plannerforge.schemas.modification import Edit
 from plannerforge.workflows import failures
 from plannerforge.workflows.context import WorkflowContext
@@ -213,6 +213,15 @@ def test_another_world_is_another_search(tmp_path: Path) -> None:
         paths.add(failures._search(arguments, call_in_process(workspace)).path)
     assert len(paths) == 3
     workspace.close()
+
+
+@pytest.mark.parametrize("world", ["perfect", "camera, missed=0.2"])
+def test_a_search_says_in_which_world_it_drove(world: str) -> None:
+    record = FailureSearchRecord(
+        base_id=BASE, config_id="cfg_1", config_name="idm", runs=1, implausible=0, unavoidable=0, strata=(), world=world
+    )
+    found = FindFailuresResult(state="done", search=record, next_step="")
+    assert (f"(world {world})" in found.answer().to_text()) == (world != "perfect")
 
 
 def test_a_world_that_the_prediction_does_not_fit_is_refused_before_anything_is_run(tmp_path: Path) -> None:
