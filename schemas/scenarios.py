@@ -342,6 +342,7 @@ class DescribedMotion(Model):
     moments: tuple[MotionMoment, ...] = Field(description="the vehicle at evenly spaced times")
     events: tuple[MotionEvent, ...] = Field(description="events in order")
     driven_m: float = Field(description="distance driven")
+    walks: bool = Field(False, description="whether it is a pedestrian", exclude_if=lambda walks: not walks)
 
     def lines(self) -> list[str]:
         """Return lines of text: the distance and the events, then one line per moment."""
@@ -352,6 +353,8 @@ class DescribedMotion(Model):
             + (f", follows {one.leader}, gap {one.gap_m:.1f} m" if one.gap_m is not None else "")
             for one in self.moments
         ]
+        if self.walks:
+            return [f"It walks {self.driven_m:g} m.", "Motion over time:", *moments]
         return [
             f"It drives {self.driven_m:g} m. Events:"
             if did
@@ -558,6 +561,8 @@ def _focus(focus: DescribedFocus) -> list[str]:
     recorded = f" Recorded route: {_chain(focus.route)}." if focus.route else ""
     routes = [(" then ".join(route.turns) or "straight", route) for route in focus.reach]
     reached = [f"{route.lanelet_id} ({turns}, {route.distance_m:.0f} m)" for turns, route in routes]
+    if focus.vehicle is not None and focus.vehicle.kind == "pedestrian":
+        return [f"{name}{seen}{recorded}"]
     return [f"{name}{seen}{recorded} Can reach lanelets: {', '.join(reached) or 'none'}."]
 
 

@@ -162,7 +162,9 @@ def _center(scene: Scene, focus: str | None, step: int) -> tuple[Points, Describ
         return point, described
     station_m = project(center_line(scene.network, match.at(index)), point)[0]
     route = () if chosen in scene.standing else match.sequence
-    return point, described.model_copy(update={"route": route, "reach": _reach(scene, match.at(index), station_m)})
+    walks = tracks[chosen].kind in NOT_DRIVEN
+    reach = () if walks else _reach(scene, match.at(index), station_m)
+    return point, described.model_copy(update={"route": route, "reach": reach})
 
 
 def _reach(scene: Scene, start: int, station_m: float) -> tuple[Reach, ...]:

@@ -33,7 +33,7 @@ EVENTS = 8
 
 
 def motion_of(scene: Scene, track: Track, begin: int) -> DescribedMotion:
-    """Return the whole recorded motion of a vehicle.
+    """Return the whole recorded motion of a vehicle; a pedestrian has no leader, and no events of a driver.
 
     Args:
         begin: the step from which times are counted.
@@ -42,9 +42,11 @@ def motion_of(scene: Scene, track: Track, begin: int) -> DescribedMotion:
     every = max(math.ceil((len(track.positions) - 1) / (MOMENTS - 1)), 1)
     indices = sorted({*range(0, len(track.positions), every), len(track.positions) - 1})
     moments = tuple(_moment(scene, track, index, begin, acceleration) for index in indices)
-    events = sorted([*_braking(scene, track, begin, acceleration), *_lane_changes(scene, track, begin)], key=_from)
+    walks = track.kind in NOT_DRIVEN
+    driving = () if walks else (*_braking(scene, track, begin, acceleration), *_lane_changes(scene, track, begin))
+    events = sorted(driving, key=_from)
     driven_m = float(arc_length(track.positions)[-1]) if len(track.positions) > 1 else 0.0
-    return DescribedMotion(moments=moments, events=tuple(events[:EVENTS]), driven_m=round(driven_m, 1))
+    return DescribedMotion(moments=moments, events=tuple(events[:EVENTS]), driven_m=round(driven_m, 1), walks=walks)
 
 
 def _from(event: MotionEvent) -> float:
@@ -76,9 +78,12 @@ def _time_s(scene: Scene, track: Track, index: int, begin: int) -> float:
 
 
 def leader_of(scene: Scene, track: Track, index: int) -> tuple[int, float] | None:
-    """Return the nearest vehicle ahead in a vehicle's lane at an index of its track, and the gap between them in m."""
+    """Return the nearest vehicle ahead in a vehicle's lane at an index of its track, and the gap between them in m.
+
+    It is None for pedestrians, who follow no vehicle.
+    """
     match = scene.matches.get(track.obstacle_id)
-    if match is None:
+    if match is None or track.kind in NOT_DRIVEN:
         return None
     line, _ = path_ahead(scene.network, scene.lanelet_graph, match.at(index), match.sequence, LOOK_M)
     if len(line) < 2:

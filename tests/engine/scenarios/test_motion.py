@@ -58,6 +58,19 @@ def test_a_vehicle_brakes_for_its_leader(tmp_path: Path) -> None:
     assert min(one.acceleration_mps2 for one in seen.moments) == pytest.approx(-3.0, abs=0.5)
 
 
+def test_a_pedestrian_follows_no_vehicle_and_gets_no_drivers_events(tmp_path: Path) -> None:
+    walking = Vehicle(76, slowing(76, (60, 0), lambda t: 2.4 if t < 2 else 0.6).poses, "pedestrian", 0.5, 0.5)
+    leader = driving(72, (64, 0), 2.0, STEPS)
+    seen = motion(tmp_path, walking, leader, focus="76")
+    assert {(one.leader, one.gap_m) for one in seen.moments} == {(None, None)}
+    assert (seen.events, seen.walks) == ((), True)
+    assert not any("lane," in line or "brakes" in line for line in seen.lines())
+    asked = described(tmp_path, walking, leader, focus="76", motion=True).asked
+    assert asked is not None
+    assert asked.reach == ()
+    assert motion(tmp_path, walking, leader, focus="72").walks is False
+
+
 def test_a_vehicle_brakes_for_crossing_traffic_and_without_a_visible_reason(tmp_path: Path) -> None:
     braking = slowing(71, (60, 0), lambda t: 10.0 if t < 1 else max(10.0 - 4.0 * (t - 1), 0.0))
     crossing = driving(73, (85, -12), 5.0, STEPS, heading_rad=math.pi / 2)
