@@ -57,7 +57,21 @@ def ego_lane(scene: Scene, ego: Ego) -> "EgoLane | None":
     behind, before = _backwards(network, scene.lanelet_graph, start)
     line = without_repeats(np.vstack([*behind, ahead])) if behind else ahead
     here_m, lanes_left = project(line, ego.position)[0], _count_lanes_left(network, (*before, *onward))
-    return EgoLane(network, line, here_m, ego.position, ego.heading_rad, lanes_left, ego.size_m[0])
+    straight_on = _roads_straight_on(network, scene.lanelet_graph, start, lanes_left)
+    return EgoLane(network, line, here_m, ego.position, ego.heading_rad, lanes_left, ego.size_m[0], straight_on)
+
+
+def _roads_straight_on(
+    network: "LaneletNetwork", graph: LaneletGraph, start: int, lanes_left: Mapping[int, int]
+) -> tuple[Points, ...]:
+    """Return the centre lines of the ego's lane and the lanes next to it, each straight on at every fork.
+
+    A lane that only turns has a neighbour that goes straight on.
+    """
+    own = network.find_lanelet_by_id(start)
+    beside = (own.adj_left, own.adj_right)
+    starts = [start, *(int(key) for key in beside if key is not None and int(key) in lanes_left)]
+    return tuple(path_ahead(network, graph, key, (), _AHEAD_M)[0] for key in starts)
 
 
 def is_own_recording(track: Track, ego: Ego) -> bool:
@@ -168,7 +182,8 @@ class EgoLane:
     """The lane that the ego follows: its centre line from behind the ego to far ahead, and the adjacent lanes.
 
     ``lanes_left``: by lanelet, the number of lanes to the left of the ego's (right negative) in the ego's direction; 0
-    is the ego's own lane. ``length_m``: the ego's length.
+    is the ego's own lane. ``length_m``: the ego's length. ``straight_on``: the centre lines of the ego's road, straight
+    on at every fork, where the ego itself may turn.
     """
 
     network: "LaneletNetwork"
@@ -178,6 +193,7 @@ class EgoLane:
     heading_rad: float
     lanes_left: dict[int, int]
     length_m: float
+    straight_on: tuple[Points, ...] = ()
 
     def where(self, track: Track, index: int, lanelet: int | None) -> _Where:
         """Return the position of a track's vehicle relative to the ego's lane, at an index of the track's arrays."""
@@ -187,10 +203,15 @@ class EgoLane:
         round_about = abs(ahead) > max(_ALONGSIDE_M, _ROUND_ABOUT * float(np.linalg.norm(point - self.position)))
         lane = self._lane(track, index, lanelet, (station, offset))
         stands = float(track.speeds_mps[index]) < STANDING_MPS
+        across_m = self._across_m(point, heading) if lane is None and not stands else None
+        if across_m is not None:
+            return _Where(f"{_along(across_m)}, {_ONCOMING}", None, None)
         if lane is None or (round_about and lane == _ONCOMING):
             return _Where(self._elsewhere(point, heading, stands=stands), None, None)
         if lane == _ONCOMING and stands:
             return _Where(f"{_along(ahead)}, standing, facing the other way", round(ahead, 1), None)
+        if lane == _ONCOMING and ahead < -_ALONGSIDE_M:
+            return _Where(f"{_along(ahead)}, opposite direction, moving away", round(ahead, 1), None)
         if round_about:
             return _Where(
                 f"{self._elsewhere(point, heading, stands=stands)}, {_along(ahead)} along the lane",
@@ -199,6 +220,18 @@ class EgoLane:
             )
         gap = abs(ahead) - (track.length_m + self.length_m) / 2 if lane == _OWN else None
         return _Where(f"{_along(ahead)}, {lane}", round(ahead, 1), None if gap is None else round(gap, 1))
+
+    def _across_m(self, point: Points, heading: float) -> float | None:
+        """Return how far ahead a vehicle is that comes along the ego's road where the ego turns off; None elsewhere."""
+        for line in self.straight_on:
+            station, offset = project(line, point)
+            ahead = station - project(line, self.position)[0]
+            inside = ahead > _ALONGSIDE_M and station < arc_length(line)[-1] - _LINE_END_M
+            detour = ahead > _ROUND_ABOUT * float(np.linalg.norm(point - self.position))
+            turned = abs(wrap_angle(heading - point_at(line, station)[1]))
+            if inside and not detour and turned > _OPPOSITE_RAD and abs(offset) < _ONCOMING_REACH_M:
+                return ahead
+        return None
 
     def _lane(self, track: Track, index: int, lanelet: int | None, at: tuple[float, float]) -> str | None:
         """Return a vehicle's lane at an arc length along the line and an offset from it; None on another road."""

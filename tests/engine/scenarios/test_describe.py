@@ -36,6 +36,32 @@ def test_vehicles_are_placed_in_words(town: Path) -> None:
     }
 
 
+def test_a_vehicle_across_the_junction_at_which_the_ego_turns_is_oncoming(tmp_path: Path) -> None:
+    lanes = (
+        Lane(1, line((0, 0), (60, 0)), left=(2, False), successors=(3, 4)),
+        Lane(2, line((60, 3.5), (0, 3.5)), left=(1, False)),
+        Lane(3, line((60, 0), (80, 0)), successors=(5,)),
+        Lane(4, arc((60, 15), 15.0, -math.pi / 2, 0.0), successors=(6,)),
+        Lane(5, line((80, 0), (160, 0))),
+        Lane(6, line((75, 15), (75, 100))),
+        Lane(7, line((160, 3.5), (80, 3.5)), successors=(8,)),
+        Lane(8, line((80, 3.5), (60, 3.5)), successors=(2,)),
+        Lane(9, line((160, 40), (80, 40))),
+    )
+    west = math.pi
+    others = (
+        driving(41, (110, 3.5), 5.0, 40, heading_rad=west),
+        driving(42, (110, 40), 5.0, 40, heading_rad=west),
+        driving(43, (10, 3.5), 2.0, 40, heading_rad=west),
+    )
+    turning = Problem(goal=(75, 60, 8.0, 8.0))
+    path = ScenarioBuilder(lanes, others, problems=(turning,)).write(tmp_path / "junction.xml")
+    where = {one.vehicle_id: one.where for one in described(path).vehicles}
+    assert where[41] == "70 m ahead, oncoming"
+    assert "another road" in where[42]
+    assert "oncoming" not in where[43]
+
+
 @pytest.mark.parametrize(("speed", "is_oncoming"), [(0.0, False), (5.0, True)])
 def test_a_parked_vehicle_that_faces_the_ego_is_not_oncoming(speed: float, is_oncoming: bool, tmp_path: Path) -> None:
     parked = driving(36, (120, 3.5), speed, 151, heading_rad=math.pi)
