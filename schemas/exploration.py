@@ -275,6 +275,17 @@ class Evaluation(Model):
     steps: int = 0
 
     @property
+    def avoided_by(self) -> tuple[DriverModelName, ...]:
+        """The reference drivers that avoid the failure, by the rule for ``failed_avoidably``.
+
+        They avoid a collision from both starts. If the ego cut in or hit nothing, only the start of the run counts.
+        """
+        drivers = dict.fromkeys(one.driver for one in self.prevented_by)
+        needed = {"start"} if self.contact in (None, "cut_in_by_ego") else {"start", "before_contact"}
+        starts = {name: {one.start for one in self.prevented_by if one.driver == name} for name in drivers}
+        return tuple(name for name in drivers if starts[name] >= needed)
+
+    @property
     def has_failed(self) -> bool:
         """Whether the planner failed."""
         return self.outcome in FAILURES

@@ -213,7 +213,7 @@ class FoundFailure(Model):
     edits: tuple[Edit, ...] = Field(description="the edits of the base")
     reason: str = Field(description="how the run ended")
     time_s: float | None = Field(None, description="time of the failure since the start")
-    prevented_by: tuple[str, ...] = Field((), description="reference drivers that prevent it")
+    prevented_by: tuple[str, ...] = Field((), description="reference drivers that avoid it")
     found_after: int = Field(description="number of the run that found it")
     hits: int = Field(description="points of the search in this cell")
     shrunk: ShrunkFailure | None = Field(None, description="the reduced failure; null without `shrink`")
@@ -231,6 +231,9 @@ class FailureSearchRecord(Model):
     strata: tuple[str, ...] = Field(description="what was varied")
     failures: tuple[FoundFailure, ...] = Field((), description="the distinct failures")
     batch_id: str | None = Field(None, description="their runs, reduced if `shrink`, as a batch; null without any")
+    world: str = Field(
+        PERFECT_NAME, description="what the sensors report", exclude_if=lambda world: world == PERFECT_NAME
+    )
 
 
 class FindFailuresResult(Result):
@@ -253,9 +256,11 @@ class FindFailuresResult(Result):
             f"Implausible proposals, which were not run: {search.implausible}."
         )
         more = len(search.strata) - _MOST_STRATA
+        world = "" if search.world == PERFECT_NAME else f" (world {search.world})"
         varied = ", ".join(search.strata[:_MOST_STRATA]) + (f" and {more} more" if more > 0 else "")
         return Answer(
-            f"{search.config_name} near {search.base_id}: {found} that a careful driver avoids, in {search.runs} runs.",
+            f"{search.config_name} near {search.base_id}{world}: "
+            f"{found} that a careful driver avoids, in {search.runs} runs.",
             decided=[f"Varied: {varied}.", other],
             listed=first_of(
                 [line for failure in search.failures for line in _lines(failure)],

@@ -92,5 +92,5 @@ def _fares(encounter: Encounter) -> str:
     if not encounter.has_failed:
         gap = "" if found.least_gap_m is None else f" by {found.least_gap_m:.1f} m"
         return f"{DEFAULT_CONFIGURATION} avoids a collision{gap}"
-    drivers = careful_drivers_in_words(one.driver for one in found.prevented_by)
+    drivers = careful_drivers_in_words(found.avoided_by)
     return f"{DEFAULT_CONFIGURATION} {found.reason}; {drivers} would not fail"

@@ -248,6 +248,7 @@ class _Search:
             strata=tuple(stratum.name for stratum in space.strata),
             failures=tuple(failures),
             batch_id=self.together(failures),
+            world=self.setting.world.in_words(),
         )
 
     async def _stored(
@@ -283,7 +284,7 @@ class _Search:
             edits=best.edits,
             reason=best.evaluation.reason,
             time_s=best.evaluation.time_s,
-            prevented_by=tuple(dict.fromkeys(one.driver for one in best.evaluation.prevented_by)),
+            prevented_by=best.evaluation.avoided_by,
             found_after=number,
             hits=len(hits),
             shrunk=shrunk,
