@@ -306,7 +306,8 @@ class TouchedVehicle(Model):
 class ModificationRequest(Model):
     """The worker's request: the base file, the planning problem (None: the first), all edits, and the output path.
 
-    ``earlier`` counts the edits that the scenario already had. They are applied, but not reported.
+    ``earlier`` counts the edits that the scenario already had. They are applied, but not reported: the outcome compares
+    with ``given``, the file with these edits (None if there are none).
     """
 
     xml: Path
@@ -315,6 +316,7 @@ class ModificationRequest(Model):
     output: Path
     problem_id: int | None = None
     earlier: int = 0
+    given: Path | None = None
     on_conflict: Literal["report", "refuse"] = "report"
     traffic: TrafficAfterEdits = "recorded"
     detail: EditDetail = "brief"
@@ -336,7 +338,8 @@ class ModificationOutcome(Model):
     ego_after: EgoDanger | None = None
     checked_by: CheckedBy = "closed_form"
     checkers_agree: int | None = Field(None, description="touched motions on which both checks agree")
-    untouched: int = Field(0, description="vehicles that stay exactly as recorded")
+    untouched: int = Field(0, description="vehicles that the edits leave unchanged")
+    weather: str = Field("", description="bad weather that the edits wrote to the file; empty if they wrote none")
     planners_refuse: str = ""
     warnings: tuple[str, ...] = ()
 
@@ -354,6 +357,7 @@ class ModifyScenarioResult(Result):
 
     scenario_id: str | None = Field(description="id of the new scenario; null if nothing was stored")
     base_id: str = Field(description="id of the scenario that was edited")
+    earlier: int = Field(0, exclude_if=lambda count: count == 0, description="edits that this scenario already had")
     reused: bool = Field(False, description="whether the same edits had created it already")
     traffic: TrafficAfterEdits = "recorded"
     detail: EditDetail = "brief"
@@ -372,13 +376,14 @@ class ModifyScenarioResult(Result):
     checkers_agree: int | None = Field(
         description="motions on which closed form and drivability checker agree; null if only one was used"
     )
-    untouched: int = Field(description="vehicles exactly as recorded")
+    untouched: int = Field(description="vehicles that the edits leave unchanged")
     planners_refuse: str = Field("", description="why the built-in planners refuse this ego; empty if they drive it")
     warnings: tuple[str, ...] = Field(description="warnings, one sentence each")
 
     def answer(self) -> Answer:
         """Return what was done and reached, which vehicles react, and what changes for the ego."""
-        stored = f"{self.scenario_id} (from {self.base_id}{', already stored' if self.reused else ''})"
+        before = f" with {counted(self.earlier, 'earlier edit')}" if self.earlier else ""
+        stored = f"{self.scenario_id} (from {self.base_id}{before}{', already stored' if self.reused else ''})"
         head = stored if self.scenario_id else f"Dry run on {self.base_id}, nothing stored"
         hits = [f"{hit.vehicles[0]} hits {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in self.collisions]
         shown = "; ".join(first_of(hits, *self._most(_MOST_COLLISIONS)))
@@ -451,7 +456,10 @@ class ModifyScenarioResult(Result):
         if self.detail == "checks":
             lines += first_of([_touched_text(vehicle) for vehicle in self.touched], *self._most(0))
         kept = counted(self.untouched, "vehicle") if self.untouched else "No vehicle"
-        return [*lines, f"{kept} {'stays' if self.untouched < 2 else 'stay'} exactly as recorded."]
+        is_mirrored = sum(edit.op == "mirror" for edit in self.edits) % 2 == 1
+        how = f"as {'before' if self.earlier else 'recorded'}"
+        unchanged = f"{how}, but mirrored" if is_mirrored else f"exactly {how}"
+        return [*lines, f"{kept} {'stays' if self.untouched < 2 else 'stay'} {unchanged}."]
 
     def _moved(self) -> list[str]:
         """Return the largest displacements of the edited vehicles, largest first."""

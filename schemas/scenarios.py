@@ -401,6 +401,9 @@ class Description(Model):
     lanelets_total: int = Field(description="lanelets within the radius")
     checks: tuple[str, ...] = Field((), description="findings of the file's checks")
     time_s: float = Field(0.0, exclude_if=lambda time_s: time_s == 0, description="time of the described vehicles")
+    friction: float | None = Field(
+        None, exclude_if=lambda friction: friction is None, description="friction of the roads; null if not stated"
+    )
 
 
 class DescribedGeneration(Model):
@@ -475,6 +478,9 @@ class DescribeScenarioResult(Result):
     duration_s: float = Field(description="duration of the recording")
     counts: dict[str, int] = Field(description="road users by type")
     signs: tuple[str, ...] = Field(description="traffic signs, with their values")
+    circumstances: tuple[str, ...] = Field(
+        (), exclude_if=lambda words: not words, description="weather and time of day; empty if not stated"
+    )
     description: Description = Field(description="content of its file around the focus")
     other_problems: tuple[int, ...] = Field((), description="other planning problems of the file: use ID#problem")
     generation: DescribedGeneration | None = Field(None, description="how it was generated; null otherwise")
@@ -490,6 +496,7 @@ class DescribeScenarioResult(Result):
         traffic = several if total else "no traffic"
         decided = [f"Tags: {', '.join(self.tags) or 'none'}. Features: {', '.join(self.features) or 'none'}."]
         decided += [f"On the ego's lane: {', '.join(self.signs)}."] if self.signs else []
+        decided += self._conditions()
         decided.append(ego_text(shown.ego) if shown.ego else "No planning problem, so no ego.")
         if self.other_problems:
             problems = ", ".join(f"{self.scenario_id}#{key}" for key in self.other_problems[:_PROBLEMS_SHOWN])
@@ -509,6 +516,13 @@ class DescribeScenarioResult(Result):
             listed=listed,
             warnings=[f"failed when it was generated: {', '.join(failed)}"] if failed else (),
         )
+
+    def _conditions(self) -> list[str]:
+        """Return a line on weather, time of day and the friction of the roads, if there are any."""
+        words = [word.replace("_", " ") for word in self.circumstances]
+        friction = self.description.friction
+        words += [] if friction is None else [f"road friction {friction:g}"]
+        return [f"Conditions: {', '.join(words)}."] if words else []
 
     def _vehicles(self) -> list[str]:
         """Return the vehicles that ``detail`` lists."""

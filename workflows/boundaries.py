@@ -32,7 +32,7 @@ from ..schemas.boundaries import (
     MapSummary,
     PointsRequest,
 )
-from ..schemas.errors import InvalidRequest, UnknownName
+from ..schemas.errors import Faults, InvalidRequest, UnknownName, closest, instead
 from ..schemas.exploration import Evaluation, LogicalScenario, Parameter
 from ..schemas.grammar import parse_interval, parse_quantity
 from ..schemas.modification import Edit
@@ -190,13 +190,12 @@ def _axes(
     Without any range, the first parameters of the logical scenario are mapped.
     """
     names = [one.name for one in logical.parameters]
+    _check_names(over, logical.name, names)
     ranged: dict[str, Parameter] = {}
     valued: dict[str, list[float]] = {}
     for text in over:
         name, _, value = (part.strip() for part in text.partition("="))
         name = name if name in names else name.lower()
-        if name not in names:
-            raise UnknownName(f"{logical.name} has no parameter '{name}'", valid=names, given=name)
         parameter = logical.parameter(name)
         if not value and not parameter.is_fixed:
             ranged[name] = parameter
@@ -232,6 +231,25 @@ def _axes(
 
 def _range_of(parameter: Parameter) -> str:
     return "LOW..HIGH" if parameter.is_fixed else f"{parameter.low:g}..{parameter.high:g}"
+
+
+def _check_names(over: Sequence[str], logical: str, names: Sequence[str]) -> None:
+    """Refuse unknown parameters, all together.
+
+    A similar parameter in another unit is proposed without the values, which would mean something else there.
+    """
+    given, faults = {text: text.partition("=")[0].strip() for text in over}, Faults()
+    taken = set(given.values())
+    for text, name in given.items():
+        if name in names or name.lower() in names:
+            continue
+        others = closest(name, [one for one in names if one not in taken])
+        taken |= set(others[:1])
+        unit = name.rpartition("_")[2]
+        remedies = [instead(name, one) if one.rpartition("_")[2] == unit else instead(text, one) for one in others]
+        with faults.collecting():
+            raise UnknownName(f"{logical} has no parameter '{name}'", valid=names, remedies=remedies)
+    faults.raise_all()
 
 
 async def _base(text: str, context: WorkflowContext) -> tuple[Artifact, int | None]:

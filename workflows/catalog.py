@@ -111,7 +111,7 @@ def _within(word: str, context: WorkflowContext) -> frozenset[str]:
     """
     if _is_search(word):
         return frozenset(searched_within(word, context) or ())
-    where = {"country": word} if country_code(word) else {"city": word}
+    where = {"country": word} if country_code(word.strip().removeprefix("!")) else {"city": word}
     search = opened_search(FindScenariosArguments(**where), context)
     entries = entries_of(context.workspace.database.connection(), search.funnel.matches)
     return frozenset(entry.scenario_id for entry in entries)
@@ -134,8 +134,9 @@ def _maps_within(word: str | None, context: WorkflowContext) -> tuple[MapFacts, 
         ids = searched_within(word, context) or ()
         countries = {each.partition("_")[0] for each in ids}
         found = [facts for facts in known if facts.country in countries]
-    elif (code := country_code(word)) is not None:
-        found = [facts for facts in known if code == facts.country or code in facts.countries_near]
+    elif (code := country_code(word.strip().removeprefix("!"))) is not None:
+        excludes = word.strip().startswith("!")
+        found = [facts for facts in known if (code == facts.country or code in facts.countries_near) is not excludes]
     else:
         found = _showing(word, context)
     return tuple(

@@ -7,16 +7,18 @@ from ..engine.catalog import open_catalogue
 from ..engine.commonroad import derived_benchmark_id
 from ..engine.workspace import Artifact, Recipe, versions_of
 from ..schemas.errors import Change, InvalidRequest, NotPossible, Remedy
+from ..schemas.generation import WEATHERS
 from ..schemas.grammar import parse_selector
 from ..schemas.modification import (
     AMBIGUOUS_VEHICLE,
     Edit,
+    ModificationOutcome,
     ModificationRequest,
     ModifyScenarioArguments,
     ModifyScenarioResult,
     TrafficAfterEdits,
 )
-from ..schemas.scenarios import ScenarioRecord
+from ..schemas.scenarios import ScenarioFacts, ScenarioRecord
 from .context import Question, WorkflowContext
 from .operations import APPLY_EDITS
 from .scenario_storage import store_scenario
@@ -114,6 +116,7 @@ async def modified_once(arguments: ModifyScenarioArguments, context: WorkflowCon
             output=folder,
             problem_id=problem_id,
             earlier=len(earlier),
+            given=context.workspace.file("scenario", given.artifact_id, "scenario.xml") if earlier else None,
             on_conflict=arguments.on_conflict,
             traffic=traffic,
             detail=arguments.detail,
@@ -128,12 +131,13 @@ async def modified_once(arguments: ModifyScenarioArguments, context: WorkflowCon
                 net=outcome.net,
                 recipe=recipe,
                 origin="modified",
-                circumstances=given.read(ScenarioRecord).facts.circumstances,
+                circumstances=_circumstances(given.read(ScenarioRecord).facts, outcome),
             )
             context.made("scenario", new_id)
     return ModifyScenarioResult(
         scenario_id=None if arguments.dry_run else new_id,
-        base_id=base_id,
+        base_id=given.artifact_id,
+        earlier=len(earlier),
         reused=reused and not arguments.dry_run,
         edits=outcome.edits,
         traffic=traffic,
@@ -150,6 +154,13 @@ async def modified_once(arguments: ModifyScenarioArguments, context: WorkflowCon
         planners_refuse=outcome.planners_refuse,
         warnings=outcome.warnings,
     )
+
+
+def _circumstances(facts: ScenarioFacts, outcome: ModificationOutcome) -> tuple[str, ...]:
+    """Return the weather and time of day after the edits; new weather replaces the weather of the edited scenario."""
+    if not outcome.weather:
+        return facts.circumstances
+    return (*(word for word in facts.circumstances if word not in WEATHERS), outcome.weather)
 
 
 def _traffic(arguments: ModifyScenarioArguments, given: Artifact) -> TrafficAfterEdits:

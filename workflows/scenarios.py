@@ -81,6 +81,7 @@ async def describe_scenario(arguments: DescribeScenarioArguments, context: Workf
         duration_s=round(facts.horizon_steps * facts.step_s, 3),
         counts=facts.participants.counts,
         signs=(*(sign for sign in facts.roads.signs_ego if sign != "speed_limit"), *limits, *light),
+        circumstances=facts.circumstances,
         description=description,
         other_problems=_other_problems(record.facts, problem_id),
         generation=described_generation(report, artifact, arguments.detail) if report is not None else None,

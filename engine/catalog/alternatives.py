@@ -227,6 +227,8 @@ def _counts(connection: sqlite3.Connection, constraint: Constraint, funnel: Funn
 
 
 def _places(connection: sqlite3.Connection, constraint: Constraint, within: EntrySet | None) -> str:
+    if constraint.negated:
+        return ""
     known, wanted = known_places(connection, within), constraint.label.partition(" ")[2]
     if constraint.subject == "country":
         countries = [country for country in known.countries if country != ARTIFICIAL]

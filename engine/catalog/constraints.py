@@ -416,22 +416,46 @@ def known_places(connection: sqlite3.Connection, among: Container[int] | None = 
 def location_constraints(connection: sqlite3.Connection, country: str | None, city: str | None) -> list[Constraint]:
     """Return conditions for the country and the city. The catalogue need not contain this country or city.
 
+    As for other conditions, ``|`` separates alternatives, and a leading ``!`` excludes all of them.
+
     Raises:
         UnknownName: the country is neither an ISO alpha-3 code nor a known name, or the city is probably a
             misspelt place in the catalogue.
     """
     constraints = []
     if country is not None:
-        codes = tuple(dict.fromkeys(_country_code(connection, part.strip()) for part in country.split("|")))
+        negated, parts = _alternatives_of(country)
+        codes = tuple(dict.fromkeys(_country_code(connection, part) for part in parts))
         holes = ", ".join("?" * len(codes))
         query = f"SELECT number FROM catalog_scenarios WHERE country IN ({holes})"  # noqa: S608 - only ? marks
-        constraints.append(Constraint("location", "country", f"country {'|'.join(codes)}", query, codes))
+        label = f"country {'!' * negated}{'|'.join(codes)}"
+        constraints.append(Constraint("location", "country", label, query, codes, negated))
     if city is not None:
-        keys = tuple(sorted({key for part in city.split("|") for key in _keys_of_place(connection, part.strip())}))
+        negated, parts = _alternatives_of(city)
+        keys = tuple(sorted({key for part in parts for key in _keys_of_place(connection, part)}))
         holes = ", ".join("?" * len(keys))
         query = f"SELECT DISTINCT number FROM catalog_words WHERE kind = 'place' AND word IN ({holes})"  # noqa: S608 - only ? marks
-        constraints.append(Constraint("location", "city", f"city {one_line(city)}", query, keys))
+        constraints.append(Constraint("location", "city", f"city {one_line(city)}", query, keys, negated))
     return constraints
+
+
+def _alternatives_of(text: str) -> tuple[bool, list[str]]:
+    """Return whether a leading ``!`` excludes the places of a text, and the places, which ``|`` separates.
+
+    Raises:
+        InvalidRequest: a place after the first is excluded on its own.
+    """
+    body = text.strip()
+    parts = [part.strip() for part in body.removeprefix("!").split("|")]
+    if any(part.startswith("!") for part in parts):
+        words = "|".join(part.removeprefix("!").strip() for part in parts)
+        raise InvalidRequest(
+            f"{quoted(text)} has a ! after its beginning, but only a leading ! excludes, and it excludes all places",
+            valid=[f"!{words}", words],
+            next_step="write one ! before all places, or none",
+            given=text,
+        )
+    return body.startswith("!"), parts
 
 
 def _country_code(connection: sqlite3.Connection, country: str) -> str:

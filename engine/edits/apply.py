@@ -33,16 +33,17 @@ from ..vehicles import vehicle_classes
 from . import ego, moving, population, rerouting, scripted, trajectory
 from .changes import Changes, EditStep
 from .edited_scene import SimulatedEdits, SimulationResult
-from .ego_risk import drive_after, shown_ego
+from .ego_risk import EgoDrive, EgoRisk, drive_after, ego_risk_after, shown_ego
 from .entries import check_entries, slower_entries
 from .explanations import check_not_driven_past, is_red
+from .given import GivenScenario
 from .moving import crossing_step
 from .placement import first_place
 from .references import describe_matches, select, target_lanelets
 from .report import outcome_of
 from .scene_cache import KeptScene, scene_of
 from .simulation import Simulation
-from .world import TRANSFORMS, transformed
+from .world import TRANSFORMS, transformed, weather_of
 from .writing import write_edits
 
 SCENARIO_FILE, NET_FILE = "scenario.xml", "scenario.net.xml"
@@ -72,7 +73,9 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
         UnsafeInput: the file is not readable.
     """
     if not any(edit.op in TRANSFORMS for edit in request.edits):
-        return _apply_stage(request, report, _Stage())[0]
+        given = None if request.given is None else GivenScenario.of(request)
+        applied = _apply_stage(request, report, _Stage(), given)
+        return applied.outcome if given is None else given.compared(applied.outcome, request, applied.simulated)
     with tempfile.TemporaryDirectory() as folder:
         return _apply_in_stages(request, report, Path(folder))
 
@@ -93,7 +96,7 @@ class _Stage:
 
 def _apply_in_stages(request: ModificationRequest, report: ProgressReporter, folder: Path) -> ModificationOutcome:
     """Apply the edits up to the next edit that changes the scene itself, then that edit, and so on."""
-    xml, stage, outcomes = request.xml, _Stage(), list[ModificationOutcome]()
+    xml, stage, outcomes, given = request.xml, _Stage(), list[ModificationOutcome](), GivenScenario.of(request)
     pending = list(enumerate(request.edits))
     while True:
         own = list(itertools.takewhile(lambda item: item[1].op not in TRANSFORMS, pending))
@@ -112,11 +115,11 @@ def _apply_in_stages(request: ModificationRequest, report: ProgressReporter, fol
         )
         if own or stage.yielding_to or is_last:
             stage = replace(stage, first=max(begin - request.earlier, 0))
-            outcome, added = _apply_stage(part, silent if not is_last else report, stage)
-            outcomes.append(outcome)
-            xml, stage = outcome.xml or xml, _Stage((*stage.added, *added))
+            applied = _apply_stage(part, silent if not is_last else report, stage, given, reports_ego=is_last)
+            outcomes.append(applied.outcome)
+            xml, stage = applied.outcome.xml or xml, _Stage((*stage.added, *applied.added))
         if is_last:
-            return _joined_outcome(request, outcomes)
+            return given.compared(_joined_outcome(request, outcomes), request, applied.simulated)
         index, edit = rest[0]
         number = index - request.earlier
         where = f"edit {number} ({edit.op})" if len(request.edits) - request.earlier > 1 else ""
@@ -127,6 +130,7 @@ def _apply_in_stages(request: ModificationRequest, report: ProgressReporter, fol
             what = _transformed(edit, xml, request, changed)
         faults.raise_all()
         outcomes.append(_transform_outcome(index - request.earlier, edit, what))
+        given = given if number < 0 else given.after(edit, changed, request)
         lights = frozenset(_lanelets_of_lights(edit, changed)) if edit.op == "set_light" else frozenset[int]()
         xml, stage, pending = changed, _Stage((*stage.added, ()), lights), rest[1:]
 
@@ -158,26 +162,46 @@ def _joined_outcome(request: ModificationRequest, outcomes: list[ModificationOut
     reports = [report for outcome in outcomes for report in outcome.edits]
     touched = {vehicle.vehicle_id: vehicle for outcome in outcomes for vehicle in outcome.touched}
     now = {vehicle.vehicle_id for vehicle in last.touched}
-    before = next((outcome.ego_before for outcome in outcomes if outcome.ego_before is not None), None)
     return last.model_copy(
         update={
             "edits": tuple(report.model_copy(update={"index": place}) for place, report in enumerate(reports)),
             "touched": tuple(vehicle for _, vehicle in sorted(touched.items())),
             "removed": tuple(sorted({key for outcome in outcomes for key in outcome.removed})),
             "collisions": tuple(hit for outcome in outcomes for hit in outcome.collisions),
-            "ego_before": before,
             "untouched": max(last.untouched - len(touched.keys() - now), 0),
             "warnings": tuple(dict.fromkeys(text for outcome in outcomes for text in outcome.warnings)),
+            "weather": next((word for edit in reversed(request.edits) if (word := weather_of(edit))), ""),
             "xml": None if request.dry_run else last.xml,
             "net": None if request.dry_run else last.net,
         }
     )
 
 
+@dataclass(frozen=True)
+class _Applied:
+    """The outcome of a stage, its edits after their simulation, and the ids that each edit added."""
+
+    outcome: ModificationOutcome
+    simulated: SimulatedEdits
+
+    @property
+    def added(self) -> tuple[tuple[int, ...], ...]:
+        return tuple(step.added for step in self.simulated.steps)
+
+
 def _apply_stage(
-    request: ModificationRequest, report: ProgressReporter, stage: _Stage
-) -> tuple[ModificationOutcome, tuple[tuple[int, ...], ...]]:
-    """Apply edits in one re-simulation; return the outcome, and the ids that each edit added."""
+    request: ModificationRequest,
+    report: ProgressReporter,
+    stage: _Stage,
+    given: GivenScenario | None,
+    *,
+    reports_ego: bool = True,
+) -> _Applied:
+    """Apply edits in one re-simulation.
+
+    ``given``: the scenario to compare the ego's risk with; None for the base. ``reports_ego``: whether the outcome
+    contains the ego's risk.
+    """
     report(0.0, "reading the scenario")
     kept = scene_of(request.xml, request.problem_id)
     document = ScenarioDocument.read(request.xml)
@@ -198,7 +222,7 @@ def _apply_stage(
         resolved = resolved_edits(request.edits, base, start, request.earlier, stage.first)
         report(0.4, "simulating")
         simulated = simulated_edits(request, kept, setup, start, resolved)
-        before = kept.ego_before(setup)
+        risks = _risks(request, kept.ego_before(setup), simulated, given) if reports_ego else (None, None)
         report(0.8, "writing")
         notes = write_edits(document, simulated)
         files = (None, None) if request.dry_run else _write_files(request, document, net)
@@ -206,8 +230,19 @@ def _apply_stage(
             # The files of the last simulation, which produced the written motion.
             for name in (TYPES_FILE, ROUTES_FILE):
                 shutil.copyfile(setup.folder / name, request.output / name)
-    outcome = outcome_of(request, simulated, None if before is None else before.danger, files, notes)
-    return outcome, tuple(step.added for step in simulated.steps)
+    return _Applied(outcome_of(request, simulated, risks, files, notes), simulated)
+
+
+def _risks(
+    request: ModificationRequest, base: EgoDrive | None, simulated: SimulatedEdits, given: GivenScenario | None
+) -> tuple[EgoRisk | None, EgoRisk | None]:
+    """Return the ego's risk before and after the edits; None if there is no ego."""
+    before = base if given is None else given.before
+    if given is not None:
+        after = given.risk_after(request, simulated)
+    else:
+        after = None if simulated.ego is None else ego_risk_after(simulated.ego, simulated)
+    return None if before is None else before.danger, after
 
 
 def _obeying(scene: Scene, lanelets: frozenset[int]) -> dict[int, DrivePlan]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest, NotPossible, Remedy, with_values
+from ...schemas.errors import InvalidRequest, NotPossible, Remedy, instead, with_values
 from ...schemas.grammar import parse_quantity
 from ...schemas.modification import Achieved
 from ..commonroad import Track
@@ -237,16 +237,48 @@ def check_speed(speed_mps: float, largest_mps: float, refusal: str, next_step: s
         )
 
 
-def parse_speed(text: str, largest_mps: float) -> float:
+def parse_speed(text: str, largest_mps: float, now_mps: float | None = None) -> float:
     """Return the speed in m/s that a text states; ``check_speed`` checks its range.
 
+    ``now_mps``: the speed that a relative speed refers to; None if there is no earlier speed.
+
     Raises:
-        InvalidRequest: the text is not a speed; the error states the valid form and range.
+        InvalidRequest: the text is not a speed, or it is relative and there is no earlier speed; the error states the
+            valid form and range.
     """
+    if now_mps is None and is_relative(text):
+        plain = text.strip().lstrip("+-").strip()
+        raise InvalidRequest(
+            f"speed '{text}' is relative, but there is no earlier speed that it could refer to",
+            valid=[f"0 to {largest_mps:g} m/s"],
+            next_step="give the speed without a sign",
+            remedies=[] if plain.endswith("%") else [instead(text, plain, "speed")],
+        )
     try:
-        return parse_quantity(text, "m/s")
+        return requested_speed(text, now_mps or 0.0)
     except InvalidRequest as refusal:
         raise refusal.with_valid(f"0 to {largest_mps:g} m/s") from refusal
+
+
+def requested_speed(text: str, now_mps: float) -> float:
+    """Return the speed in m/s that a text states; with +, - or % it is relative to the current speed.
+
+    Raises:
+        InvalidRequest: the text is not a speed.
+    """
+    body = text.strip()
+    if body.endswith("%"):
+        percent = parse_quantity(body[:-1])
+        return now_mps * ((1.0 + percent / 100.0) if body[0] in "+-" else percent / 100.0)
+    if body[:1] in ("+", "-"):
+        return now_mps + parse_quantity(body, "m/s")
+    return parse_quantity(body, "m/s")
+
+
+def is_relative(text: str) -> bool:
+    """Return True if a speed is relative to an earlier speed."""
+    body = text.strip()
+    return body.endswith("%") or body[:1] == "+" or (body[:1] == "-" and len(body) > 1)
 
 
 _TIMES_TRIED = (0.0, 0.2, 0.5)

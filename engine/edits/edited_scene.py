@@ -23,7 +23,7 @@ from .changes import Changes, EditStep, car_at_start
 
 _TOUCH_M = 0.05
 """Rectangles that overlap by less do not collide: recorded positions are not more precise."""
-_NEAR_STEPS = 10
+NEAR_STEPS = 10
 """An overlap that starts within this many steps of a recorded one of the same pair is the recorded one (chosen)."""
 EGO = 0
 """The ego's id among road users; obstacles have positive ones."""
@@ -188,7 +188,7 @@ def _first_new(first: Track, second: Track, first_before: Track | None, second_b
     known = tuple(overlap_steps(first_before, second_before))
     before = -2
     for now in chain([step], steps):
-        if now > before + 1 and not any(abs(now - recorded) <= _NEAR_STEPS for recorded in known):
+        if now > before + 1 and not any(abs(now - recorded) <= NEAR_STEPS for recorded in known):
             return now
         before = now
     return None

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest, NotPossible, Remedy, UnknownName, with_values
+from ...schemas.errors import InvalidRequest, NotPossible, Remedy, UnknownName, instead, with_values
 from ...schemas.grammar import parse_interval
 from ...schemas.modification import Edit
 from ..commonroad import Track, center_of, size_of
@@ -30,7 +30,7 @@ from ..vehicles import (
     least_time_s,
     vehicle_class_of,
 )
-from .changes import Changes, EditStep, GoalChange, car_plan, check_speed, parse_speed
+from .changes import Changes, EditStep, GoalChange, car_plan, check_speed, is_relative, parse_speed
 from .entries import PLACE_TAKEN, OccupiedPlaces
 from .placement import Place, first_place
 from .population import check_allowed
@@ -207,6 +207,14 @@ def _steps(edit: Edit, scene: Scene, ego: Ego) -> tuple[int, int] | None:
 def _speeds(text: str | None, ego: Ego) -> tuple[float, float] | None:
     if text is None:
         return None
+    if text.strip().startswith("+"):
+        plain = text.strip().lstrip("+").strip()
+        raise InvalidRequest(
+            f"goal_speed '{text}' is relative, but a goal has no earlier speed that it could refer to",
+            valid=["'5..10m/s'", "'<=8m/s'"],
+            next_step="give the speed without a sign",
+            remedies=[instead(text, plain, "goal_speed")],
+        )
     try:
         interval = parse_interval(text, "m/s")
     except InvalidRequest as error:
@@ -359,19 +367,22 @@ def _goal_at_end_of(track: Track, scene: Scene, ego: Ego) -> GoalChange | None:
 def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Changes, str]:
     name = _requested_class(edit, ego.vehicle_class)
     vehicle = ego_class(name).vehicle.on_road(scene.friction)
-    speed = ego.speed_mps if edit.speed is None else parse_speed(edit.speed, vehicle.maximum_speed_mps)
+    speed, from_before = ego.speed_mps, ""
     if edit.speed is not None:
-        check_speed(speed, vehicle.maximum_speed_mps, f"the ego cannot drive at {edit.speed}", "choose another speed")
+        speed = parse_speed(edit.speed, vehicle.maximum_speed_mps, ego.speed_mps)
+        from_before = f" ({ego.speed_mps:.1f} m/s before)" if is_relative(edit.speed) else ""
+        refusal = f"the ego cannot drive at {edit.speed}{from_before}"
+        check_speed(speed, vehicle.maximum_speed_mps, refusal, "choose another speed")
     if edit.at is None:
         start = replace(ego, speed_mps=speed, vehicle_class=name)
-        return replace(changes, ego=start), f"the ego starts at {speed:.1f} m/s"
+        return replace(changes, ego=start), f"the ego starts at {speed:.1f} m/s{from_before}"
     place = first_place(edit, scene, changes, vehicle.length_m)
     # The former ego is in the way only if it stays as traffic.
     others = scene if edit.former_ego == "traffic" else replace(scene, ego=None)
     OccupiedPlaces.at(others, ego.step, changes).check_free(place, vehicle.size_m, "choose a free place")
     position, heading = place.pose(scene)
     new = Ego(ego.problem_id, ego.step, position, heading, speed, (place.lanelet_id,), name, scene.friction)
-    what = f"the ego starts on lanelet {place.lanelet_id} at {place.station_m:.1f} m, {speed:.1f} m/s"
+    what = f"the ego starts on lanelet {place.lanelet_id} at {place.station_m:.1f} m, {speed:.1f} m/s{from_before}"
     return replace(changes, ego=new), what
 
 

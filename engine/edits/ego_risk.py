@@ -7,7 +7,7 @@ m, times in s.
 """
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +34,8 @@ from .edited_scene import EditedScene
 
 _LONGEST_TIME_S = 60.0
 """Later collisions do not count: no road user keeps speed and heading for so long (chosen)."""
+_SAME_PLACE_M = 0.001
+"""Positions in files are rounded by less (chosen)."""
 _NO_CHANGES = Changes(next_id=0, driven={})
 
 
@@ -159,6 +161,51 @@ def ego_risk_after(drive: Track, edited: EditedScene) -> EgoRisk:
         recording = edited.scene.tracks[key] if recording is None else recording
         replayed.append(_Replayed(track, recording, None if driven is None else driven.first_step))
     return _danger(drive, tuple(others), tuple(replayed), edited.scene.step_s)
+
+
+def risk_against(drive: Track, edited: EditedScene, given: Mapping[int, Track]) -> EgoRisk:
+    """Return the figures of a motion of the ego among all road users after edits of a given scenario.
+
+    A road user that moves as in the given scenario follows its recording, as does one that is only moved in time.
+
+    Args:
+        drive: the ego's motion.
+        edited: the scene after the edits.
+        given: the moving road users of the given scenario by id.
+    """
+    others, replayed = [], []
+    for track in edited.tracks:
+        known = given.get(track.obstacle_id)
+        if known is None:
+            others.append(track)
+            continue
+        until = None if track.obstacle_id in edited.shifted else first_change(track, known)
+        replayed.append(_Replayed(track, known, until))
+    return _danger(drive, tuple(others), tuple(replayed), edited.scene.step_s)
+
+
+def first_change(track: Track, known: Track) -> int | None:
+    """Return the first step at which a road user is not where an earlier track has it; None if it follows that track.
+
+    A track that is only cut at its ends still follows the earlier track.
+    """
+    begin, end = max(track.first_step, known.first_step), min(track.last_step, known.last_step)
+    if (track.kind, track.size_m) != (known.kind, known.size_m) or end < begin or track.first_step < known.first_step:
+        return track.first_step
+    moved_m = np.linalg.norm(
+        track.positions[begin - track.first_step : end + 1 - track.first_step]
+        - known.positions[begin - known.first_step : end + 1 - known.first_step],
+        axis=1,
+    )
+    moved = np.flatnonzero(moved_m > _SAME_PLACE_M)
+    if len(moved):
+        return begin + int(moved[0])
+    return end + 1 if track.last_step > end else None
+
+
+def is_unchanged(track: Track, known: Track) -> bool:
+    """Return whether a road user still follows an earlier track."""
+    return first_change(track, known) is None
 
 
 def _danger(drive: Track, others: tuple[Track, ...], replayed: tuple[_Replayed, ...], step_s: float) -> EgoRisk:

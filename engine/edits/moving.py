@@ -201,7 +201,7 @@ def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         if edit.speed is None:
             speed_mps = _speed_into_red(scene, signal, plan, away_m, now_mps, limit_mps)
         else:
-            speed_mps = parse_speed(edit.speed, plan.vehicle_class.maximum_speed_mps)
+            speed_mps = parse_speed(edit.speed, plan.vehicle_class.maximum_speed_mps, now_mps)
             check_speed(
                 speed_mps,
                 plan.vehicle_class.maximum_speed_mps,

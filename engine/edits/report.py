@@ -20,7 +20,7 @@ from ..scene import NOT_DRIVEN, Scene, is_own_recording
 from ..vehicles import Feasibility, Motion, check_drivability, check_kinematics, nearest_class, refused_by_planners
 from .changes import listed
 from .edited_scene import EditedScene, SimulatedEdits
-from .ego_risk import EgoRisk, ego_risk_after
+from .ego_risk import EgoRisk
 from .entries import entering_onto_ego
 from .explanations import (
     speeds_reached,
@@ -40,7 +40,7 @@ _MOST_VALUES = 4
 def outcome_of(
     request: ModificationRequest,
     simulated: SimulatedEdits,
-    before: EgoRisk | None,
+    risks: tuple[EgoRisk | None, EgoRisk | None],
     files: tuple[Path | None, Path | None],
     notes: list[str],
 ) -> ModificationOutcome:
@@ -49,12 +49,11 @@ def outcome_of(
     Args:
         request: the edits and the requested detail.
         simulated: the edits after their simulation.
-        before: the ego's danger in the base scenario; None if there is no ego.
+        risks: the ego's risk before and after the edits; None if there is no ego or the risk is not reported.
         files: the scenario file and its SUMO network; None for a dry run.
         notes: sentences on what else changed when the files were written.
     """
-    scene, changes, result, ego = simulated.scene, simulated.changes, simulated.result, simulated.ego
-    after = None if ego is None else ego_risk_after(ego, simulated)
+    scene, changes, result, (before, after) = simulated.scene, simulated.changes, simulated.result, risks
     edits = _edit_reports(request, simulated)
     touched, agree = _judged(request, simulated)
     recorded = set(scene.tracks) - set(result.tracks) - changes.removed - set(changes.replays)

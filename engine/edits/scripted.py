@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, with_values
-from ...schemas.grammar import parse_quantity
 from ...schemas.modification import Achieved, Edit
 from ..commonroad import Track
 from ..cosimulation import (
@@ -35,7 +34,7 @@ from ..cosimulation import (
 from ..geometry import Points, Values, arc_length, interpolate, point_at, project, project_all, wrap_angle
 from ..scene import Scene, straightness
 from ..vehicles import TIME_GAP_MPS, comfortable_mps2, hardest_braking_mps2
-from .changes import Changes, EditStep, check_speed, named_vehicles, parse_speed, within_time
+from .changes import Changes, EditStep, check_speed, named_vehicles, parse_speed, requested_speed, within_time
 from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
 from .placement import first_place, read_trigger
@@ -324,27 +323,6 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
     speed = ", ".join(f"{round(wanted, 1):g} m/s" for _, wanted, _ in list(made.values())[:3])
     what = f"{named_vehicles(vehicles)} brought to {speed} at a prescribed {rate:g} m/s²{when}"
     return EditStep(changes, vehicles, what, measure=measured)
-
-
-def requested_speed(text: str, now_mps: float) -> float:
-    """Return the speed in m/s that a text states; with +, - or % it is relative to the current speed.
-
-    Raises:
-        InvalidRequest: the text is not a speed.
-    """
-    body = text.strip()
-    if body.endswith("%"):
-        percent = parse_quantity(body[:-1])
-        return now_mps * ((1.0 + percent / 100.0) if body[0] in "+-" else percent / 100.0)
-    if body[:1] in ("+", "-"):
-        return now_mps + parse_quantity(body, "m/s")
-    return parse_quantity(body, "m/s")
-
-
-def is_relative(text: str) -> bool:
-    """Return True if a speed is relative to the current speed of a vehicle."""
-    body = text.strip()
-    return body.endswith("%") or body[:1] == "+" or (body[:1] == "-" and len(body) > 1)
 
 
 TIME_GAP_MISSED, LINE_MISSED, RED_MISSED = "gap to a standing vehicle", "lines crossed", "crossing"

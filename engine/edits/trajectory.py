@@ -37,16 +37,18 @@ from .changes import (
     Changes,
     EditStep,
     check_speed,
+    is_relative,
     listed,
     moved_in_time,
     named_vehicles,
     parse_speed,
     plan_of,
+    requested_speed,
     within_time,
 )
 from .edited_scene import EditedScene
 from .references import nearest_ids, select
-from .scripted import achieved, is_relative, motion_of, requested_speed, scripted_lane_change, scripted_speed
+from .scripted import achieved, motion_of, scripted_lane_change, scripted_speed
 
 _NEAR_SHARE = 0.02
 """A mean speed is reached within this share of it (chosen)."""

@@ -438,6 +438,12 @@ def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
     new = f"added a light to lanelet {', '.join(map(str, lit_now))}; " if lit_now else ""
     shown = sorted(set(changed))
     who = f"light {shown[0]} repeats" if len(shown) == 1 else f"lights {', '.join(map(str, shown))} repeat"
+    if len({colour for _, colour in phases}) == 1:
+        who = f"light {shown[0]} is" if len(shown) == 1 else f"lights {', '.join(map(str, shown))} are"
+        return (
+            f"{new}{who} {phases[0][1]} throughout, because the cycle has no other colour; add a phase such as "
+            f"{'red' if phases[0][1] == 'green' else 'green'}=20 to change it"
+        )
     return f"{new}{who} the cycle {cycle} from 0 s on"
 
 
@@ -607,6 +613,11 @@ def _set_weather(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], T
     return "; ".join(notes)
 
 
+def weather_of(edit: Edit) -> Weather | None:
+    """Return the weather that an edit writes to the file, or None."""
+    return _conditions_named(edit).weather if edit.op == "set_weather" else None
+
+
 def _write_weather(root: _Element, weather: Weather) -> None:
     location = root.find("location")
     if location is None:
@@ -615,11 +626,12 @@ def _write_weather(root: _Element, weather: Weather) -> None:
             valid=_VALID_FRICTIONS,
             next_step="set only the friction, or remove this edit",
         )
+    before = {part.tag: part.text for part in location.iterfind("environment/*")}
     for old in location.findall("environment"):
         location.remove(old)
     environment = etree.SubElement(location, "environment")
-    etree.SubElement(environment, "time").text = "12:00:00"
-    etree.SubElement(environment, "timeOfDay").text = "unknown"
+    etree.SubElement(environment, "time").text = before.get("time") or "12:00:00"
+    etree.SubElement(environment, "timeOfDay").text = before.get("timeOfDay") or "unknown"
     etree.SubElement(environment, "weather").text = weather
     etree.SubElement(environment, "underground").text = "snow" if weather in ("snow", "hail") else "wet"
 

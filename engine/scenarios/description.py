@@ -92,6 +92,7 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
         lanelets_total=total,
         checks=tuple(check(scene) for check in _CHECKS) if request.detail == "checks" else (),
         time_s=request.time_s,
+        friction=scene.friction,
     )
 
 

@@ -220,3 +220,13 @@ async def test_a_map_of_a_pre_crash_type_names_the_type_and_its_other_scenarios(
     assert "NHTSA" not in named.headline
     assert "type 18" in asked.headline
     assert "also in merge" in asked.headline
+
+
+@pytest.mark.anyio
+async def test_a_value_in_another_unit_is_not_carried_over_to_another_parameter(context: WorkflowContext) -> None:
+    given = {**SMALL, "over": ["gap_s=0.3..2", "speed_difference_mps=0..10"]}
+    with pytest.raises(UnknownName) as refused:
+        await boundaries._plan(ExploreBoundaryArguments(**given), context)
+    proposed = {old: new for change in refused.value.remedies[0].changes for old, new in change.words.items()}
+    assert proposed["gap_s=0.3..2"] == "gap_m"
+    assert proposed["speed_difference_mps"].endswith("_mps")

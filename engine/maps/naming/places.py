@@ -78,7 +78,12 @@ def place_keys(text: str) -> frozenset[str]:
 
 
 def country_code(text: str) -> str | None:
-    """Return the ISO 3166-1 alpha-3 code for a code or a name in any language of the CLDR; None for other texts."""
+    """Return the ISO 3166-1 alpha-3 code for a code or a name in any language of the CLDR; None for other texts.
+
+    A text that begins with a sign, such as ``!BEL``, is no name: without the sign it would mean the opposite.
+    """
+    if not text.strip()[:1].isalnum():
+        return None
     exact = fold(text)
     keys = (exact, fold(text.casefold().translate(_UMLAUTS)), _without_digraphs(exact))
     return next((code for key in keys if key and (code := _codes().get(key)) is not None), None)

@@ -151,6 +151,21 @@ def test_a_country_or_a_city_of_several_is_enough() -> None:
     assert found(connection, FindScenariosArguments(country="ESP|DEU", city="Munich")) == [places[0]]
 
 
+def test_a_leading_mark_excludes_countries_and_cities() -> None:
+    places = ("DEU_Munich-1_1_T-1", "DEU_Bonn-1_1_T-1", "ESP_Bilbao-1_1_T-1")
+    connection = catalogue([facts(place) for place in places])
+    assert found(connection, FindScenariosArguments(country="!DEU")) == [places[2]]
+    assert found(connection, FindScenariosArguments(country="!Germany|ESP")) == []
+    assert found(connection, FindScenariosArguments(country="DEU", city="!Bonn|Bilbao")) == [places[0]]
+
+
+@pytest.mark.parametrize("country", ["DEU|!ESP", "!DEU|!ESP", "-DEU", "~DEU"])
+def test_a_country_with_a_sign_elsewhere_is_refused(country: str) -> None:
+    connection = catalogue([facts("DEU_Munich-1_1_T-1")])
+    with pytest.raises(InvalidRequest):
+        found(connection, FindScenariosArguments(country=country))
+
+
 @given(st.floats(0, 40), st.floats(0, 40))
 def test_a_single_speed_is_two_metres_per_second_wide(actual: float, asked: float) -> None:
     if abs(abs(actual - asked) - 2.0) < 1e-3:

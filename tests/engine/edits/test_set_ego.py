@@ -1,8 +1,10 @@
 """Edit G: set_ego."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from support.builders import town_road
+from support.builders import Problem, town_road
 from support.edits import Applied, Apply, schema_errors
 
 from plannerforge.engine.commonroad.reader import read_scenario
@@ -203,3 +205,25 @@ def test_an_ego_that_the_planners_refuse_is_reported_in_advance(apply: Apply, na
     ).answer()
     assert (told.next_step == "run_planner") is not is_refused
     assert (outcome.planners_refuse in told.warnings) is is_refused
+
+
+@pytest.mark.parametrize(
+    ("speed", "mps"), [("+2m/s", 12.0), ("-2m/s", 8.0), ("+10%", 11.0), ("50%", 5.0), ("7m/s", 7.0)]
+)
+def test_a_signed_speed_is_relative_to_the_ego_s_speed(apply: Apply, speed: str, mps: float) -> None:
+    builder = replace(town_road(), problems=(Problem(start=(40.0, 0.0, 0.0, 10.0)),))
+    applied = apply({"op": "set_ego", "speed": speed}, builder=builder)
+    assert read_scenario(applied.xml).problem().initial_state.velocity == pytest.approx(mps)
+
+
+def test_a_vehicle_without_an_earlier_speed_takes_no_relative_speed(apply: Apply) -> None:
+    added = {"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "offset_m": 15.0}
+    with pytest.raises(InvalidRequest) as refused:
+        apply({**added, "speed": "+5m/s"})
+    assert refused.value.remedies
+    apply({**added, "speed": "5m/s"})
+
+
+def test_a_goal_takes_no_relative_speed(apply: Apply) -> None:
+    with pytest.raises(InvalidRequest):
+        apply({"op": "set_goal", "to": ["2"], "goal_speed": "+5m/s"})
