@@ -306,7 +306,7 @@ def _adjacent_lane(reference: _Reference, side: str, scene: Scene) -> int:
     there = {key: value for key, value in sides.items() if value is not None and value in scene.layout.table.lanes}
     if side not in there:
         raise NotPossible(
-            f"{reference.name} has no lane on its {side} in its direction",
+            f"{reference.name} has no lane in its direction on the {side}",
             valid=["same", *there],
             next_step="choose another lane",
             remedies=[with_values(lane=word) for word in (*there, "same")],
