@@ -238,7 +238,8 @@ class ExportedFile(Model):
 
     def in_words(self) -> str:
         """Return the line of an answer."""
-        line = f"{self.path} ({self.size_bytes:,} bytes, {self.format} of {self.artifact_id})"
+        of = "" if self.format == "suite" else f" of {self.artifact_id}"  # a suite has several runs
+        line = f"{self.path} ({self.size_bytes:,} bytes, {self.format}{of})"
         more = ([self.geometry.in_words()] if self.geometry else []) + (
             [f"lost: {', '.join(self.lost)}"] if self.lost else []
         )

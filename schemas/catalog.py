@@ -241,7 +241,8 @@ class FindScenariosResult(Result):
             lines += [_line(scenario, requested) for scenario in self.fallback]
         verb = "matches" if self.total == 1 else "match"
         of = f"{self.total} of {self.catalogue:,} scenarios"
-        headline = f"{of} {verb} ({self.search_id}, method {self.method})."
+        method = "" if self.method == "funnel" else f", method {self.method}"
+        headline = f"{of} {verb} ({self.search_id}{method})."
         return Answer(headline, decided, listed=lines)
 
     def _step(self, stage: StageCount) -> str:

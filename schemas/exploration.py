@@ -90,6 +90,22 @@ class Distribution(Model):
         return below / total
 
 
+_STATED = {
+    "aside_m": "{} aside",
+    "begin_s": "starts at {}",
+    "early_s": "arrives {} before the ego|arrives {} after the ego",
+    "later_s": "{} later|{} earlier",
+    "lateral_s": "lasts {}",
+    "lead_s": "starts {} before that",
+    "meet_s": "meets the ego at {}",
+    "percent": "to {} of its speed",
+    "rate_mps2": "at {}",
+    "ratio": "{} of the ego's speed",
+    "reach_s": "{} ahead of the ego",
+}
+"""Parameters as phrases, where the name and value would not be understood; after ``|`` for a negative value."""
+
+
 class Parameter(Model):
     """A parameter of a logical scenario with its range. ``base``: the value of an ordinary encounter.
 
@@ -140,8 +156,11 @@ class Parameter(Model):
         return f"{self.quantity} ({self.unit})" if self.unit else self.quantity
 
     def stated(self, value: float) -> str:
-        """Return a value as text, such as ``ego speed 13.9 m/s``."""
-        return f"{self.quantity} {value:.3g} {self.unit}".rstrip()
+        """Return a value as text, such as ``ego speed 13.9 m/s`` or ``arrives 0.3 s after the ego``."""
+        positive, _, negative = _STATED.get(self.name, f"{self.quantity} {{}}").partition("|")
+        if value < 0 and negative:
+            positive, value = negative, -value
+        return positive.format(f"{value:.3g}{'' if self.unit == '%' else ' '}{self.unit}".rstrip())
 
     def at_share(self, share: float) -> float:
         """Return the value at a fraction of the range, from 0 to 1."""

@@ -9,12 +9,14 @@ from .base import Answer, Arguments, Model, Result, first_of
 from .exploration import EncounterSetting, Evaluation, LogicalScenario
 from .jobs import JobState
 from .modification import Edit
-from .reviews import CAREFUL_DRIVERS
+from .reviews import CAREFUL_DRIVERS, COLLISION_CAUSES, kind_in_words
 from .runs import Prediction, Traffic
 from .text import counted
 from .worlds import PERFECT_NAME
 
 SpeedBand = Literal["slow", "middle", "fast", "any"]
+_BANDS: dict[SpeedBand, str] = {"slow": "low", "middle": "medium", "fast": "high"}
+_CAUSES = {str(cause): words for cause, words in COLLISION_CAUSES.items()}
 
 
 class SpaceRequest(Model):
@@ -77,8 +79,9 @@ class FailureCell(Model):
 
     def in_words(self) -> str:
         """Return the cell with its speed and cause named."""
-        contact, cause = self.contact.replace("_", " "), self.cause.replace("_", " ") or "unknown"
-        return f"{self.counterpart}; {contact}; {self.speed} speed; cause {cause}"
+        speed = f" at {_BANDS[self.speed]} speed" if self.speed in _BANDS else ""
+        cause = f"attributed to {_CAUSES[self.cause]}" if self.cause in _CAUSES else "not attributed"
+        return f"{self.counterpart}, {kind_in_words(self.contact)}{speed}, {cause}"
 
 
 class PointScore(Model):
@@ -284,9 +287,9 @@ def _lines(failure: FoundFailure) -> Iterator[str]:
         ""
         if shrunk is None
         else f" Reduced to {shrunk.scenario_id}: {shrunk.road_users_before} → {shrunk.road_users} road users"
-        f"{f'; the failure needs {_listed(shrunk.needed)}' if shrunk.needed else ''}."
+        f"{f'; values that must stay: {_listed(shrunk.needed)}' if shrunk.needed else ''}."
     )
-    yield f"  {failure.reason}; {drivers} would not fail ({failure.cell.in_words()}).{reduced}"
+    yield f"  {failure.reason}; {drivers} would not fail. Type: {failure.cell.in_words()}.{reduced}"
 
 
 CAREFUL_WORDS: Final[dict[str, str]] = dict(zip(CAREFUL_DRIVERS, ("careful", "fuzzy"), strict=True))

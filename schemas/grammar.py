@@ -16,7 +16,9 @@ from typing import Literal
 
 from .errors import InvalidRequest, UnknownName, closest, instead
 
-_NAME = r"[A-Za-z_][A-Za-z0-9_.\-]*"
+_LETTER = r"[^\W\d]|[^\x00-\xbf\xd7\xf7\u2000-\u2bff\u3000-\u303f\uff00-\uffef\s]"
+"""A letter of any script or a mark that combines with it, which is not \\w; the ranges are spaces and symbols."""
+_NAME = rf"(?:{_LETTER})(?:{_LETTER}|[0-9.\-])*"
 _NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 _UNSIGNED = r"\d+(?:\.\d*)?"
 """A number without a sign, so a dash or a word may follow."""

@@ -48,9 +48,10 @@ class JobResult(Result):
         """Return the state, the finished results, why it failed, and what to do next."""
         left = f", about {self.remaining_s:.0f} s left" if self.remaining_s is not None else ""
         share = "" if self.state == "done" else f", {self.share:.0%} done{left}"
+        so_far = " so far" if self.state == "running" else ""
         return Answer(
             headline=f"{self.job_id} ({self.kind}): {self.state}{share}. {self.message}".rstrip(),
-            decided=[f"Finished: {self._finished}"] if self.results else (),
+            decided=[f"Results{so_far}: {self._finished}"] if self.results else (),
             warnings=[self.error] if self.error else (),
             next_step=self.next_step,
         )

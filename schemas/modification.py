@@ -484,10 +484,10 @@ class ModifyScenarioResult(Result):
         return [f"Now driving, though stationary in the recording {vehicles}{more}."] if stood else []
 
     def _judged(self) -> list[str]:
-        if self.checkers_agree is None:
+        if self.checkers_agree is None or not self.touched:
             return []
         alike = f"{self.checkers_agree} of {len(self.touched)}"
-        return [f"Judged by the drivability checker; the closed-form check agrees on {alike} motions."]
+        return [f"The drivability checker judged the motions; the closed-form check agrees on {alike}."]
 
 
 _MOST_EDITS, _MOST_TOUCHED, _MOST_COLLISIONS, _MOST_NOTES, _MOST_IDS, _MOST_INFEASIBLE = 6, 4, 3, 3, 8, 2
@@ -548,8 +548,8 @@ def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bo
     ]
     if not new:
         return [f"No change for the ego: {_RISK} {now[_RISK]}{scale}."]
-    ego = "an ego that ignores the edits" if blind else "the ego"
-    return [f"Change for {ego}: {', '.join(new)}."]
+    ego = "if the ego ignores the edits" if blind else "for the ego"
+    return [f"Change {ego}: {', '.join(new)}."]
 
 
 _RISK = "risk score"

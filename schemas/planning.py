@@ -471,7 +471,7 @@ def _rate_line(item: ConfigurationSummary) -> str:
     counts = dict(item.outcomes)
     invalid, reached = counts.pop("invalid", 0), counts.pop("goal_reached", 0)
     valid, refused = reached + sum(counts.values()), counts.get("goal_refused", 0)
-    by_paper = f" ({reached + refused} of {valid} by the paper's rule, any motion)" if refused else ""
+    by_paper = f" ({reached + refused} of {valid} with the refused motions)" if refused else ""
     parts = [
         f"goal {reached} of {valid}{by_paper}",
         *(f"{key.replace('_', ' ')} {count}" for key, count in counts.items()),

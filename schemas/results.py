@@ -8,7 +8,16 @@ from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result
 from .measures import MeasuredValue, MeasureSpread, RunMetrics, measure_named, metric_words
-from .reviews import COLLISION_CAUSES, CollisionCause, Contact, ContactKind, OwnFault, RuleVerdict, RunReview
+from .reviews import (
+    COLLISION_CAUSES,
+    CollisionCause,
+    Contact,
+    ContactKind,
+    OwnFault,
+    RuleVerdict,
+    RunReview,
+    kind_in_words,
+)
 from .runs import (
     LimitExcess,
     Lineage,
@@ -286,7 +295,7 @@ class CollisionCauses(Model):
 
     def in_words(self) -> str:
         """Return the kinds, the causes, and the share that no reference driver prevents, with the rate without them."""
-        kinds = ", ".join(f"{count} {kind.replace('_', ' ')}" for kind, count in self.kinds.items())
+        kinds = ", ".join(f"{count} {kind_in_words(kind)}" for kind, count in self.kinds.items())
         some = "" if self.judged == self.looked_at else f" that could be judged, out of {self.looked_at}"
         left = self.success_without
         without = f"; without these runs, goal {left.in_words()}" if self.not_preventable and left is not None else ""
@@ -295,8 +304,11 @@ class CollisionCauses(Model):
             count = f"{self.unpreventable_share.in_words()}{some}"
             without = f"; without such runs, goal about {_estimate(left)}" if without and left is not None else ""
         made = "; collisions caused by the ego are not counted" if "ego" in self.laid_to else ""
-        drivers = f" ({REFERENCE_DRIVERS_DO}; taking over just before the contact or at the start{made})"
+        drivers = f" ({REFERENCE_DRIVERS_DO}; in control in the encounter or from the start{made})"
         none = f"; no reference driver prevents {count}{drivers if self.not_preventable else ''}" if self.judged else ""
+        if none and not self.not_preventable and not self.is_sample:
+            caused = "the ego caused, or " if made else ""
+            none = f"; {caused}a reference driver prevents{',' if made else ''} {self.judged} of {self.judged}{some}"
         counts = ", ".join(f"{count} to {COLLISION_CAUSES[cause]}" for cause, count in self.laid_to.items())
         summary = f"{kinds}{f'; attributed: {counts}' if counts else ''}{none}{without}."
         sample = f"In a random {self.looked_at} of {self.collisions} collisions: " if self.is_sample else ""
@@ -568,7 +580,9 @@ def _one_run(result: AnalyzeResultsResult) -> Answer:
     listed += _rules(result)
     if result.detail == "costs":
         listed += _costs(result)
-    listed += [*(_finding_text(finding) for finding in _stated(result)), *_no_suggestion(result)]
+    hidden = _hidden(result)
+    listed += [_finding_text(finding) for finding in _stated(result)]
+    listed += [*([f"… {counted(hidden, 'more finding')}: detail=findings"] if hidden else []), *_no_suggestion(result)]
     failed = row.outcome not in ("goal_reached", "invalid")
     look = f"analyze_results with results ['{row.run_id}'], detail timeline"
     if result.detail == "timeline":
@@ -649,8 +663,8 @@ def _several_runs(result: AnalyzeResultsResult) -> Answer:
     stated = [*tried, *(finding for finding in stated if finding not in tried)]
     shown = stated[: max(_SHOWN_FINDINGS, len(tried))] if result.detail == "summary" else stated
     listed += ["Findings:", *(_finding_text(finding) for finding in shown)] if shown else []
-    more = len(stated) - len(shown)
-    listed += [f"… {more} more: detail=findings"] if more > 0 else []
+    more = len(stated) - len(shown) + _hidden(result)
+    listed += [f"… {counted(more, 'more finding')}: detail=findings"] if more > 0 else []
     listed += _no_suggestion(result)
     main = next((finding.next_step for finding in result.findings if finding.name == "main_failure"), "")
     causes = result.causes
@@ -679,6 +693,11 @@ def _no_suggestion(result: AnalyzeResultsResult) -> list[str]:
     ]
 
 
+def _hidden(result: AnalyzeResultsResult) -> int:
+    """Return the number of findings that a summary leaves out of its structured answer."""
+    return int(result.note_figures.get("hidden_findings", 0))
+
+
 def _stated(result: AnalyzeResultsResult) -> list[Finding]:
     """Return the findings that add to the rest of the answer."""
     if result.detail == "findings":
@@ -690,7 +709,7 @@ def _stated(result: AnalyzeResultsResult) -> list[Finding]:
 def _by_any_motion(result: AnalyzeResultsResult) -> list[str]:
     """Return a line with the rate by the paper's rule; no line if no motion to the goal was refused."""
     rate = result.by_any_motion
-    return [] if rate is None else [f"By the paper's rule (any motion counts): goal {rate.in_words()}."]
+    return [] if rate is None else [f"Including motions that CommonRoad's benchmark refuses: goal {rate.in_words()}."]
 
 
 def _failures(result: AnalyzeResultsResult) -> list[str]:
@@ -734,7 +753,9 @@ def _groups(result: AnalyzeResultsResult) -> list[str]:
             if key != "goal_reached"
         )
         invalid = f"invalid {group.invalid}" if group.invalid else ""
-        goal = f"{group.valid_count} valid runs" if result.chosen_by_outcome else f"goal {group.success.in_words()}"
+        goal = (
+            counted(group.valid_count, "valid run") if result.chosen_by_outcome else f"goal {group.success.in_words()}"
+        )
         return "; ".join(part for part in (f"- {group.name}: {goal}", failures, invalid) if part)
 
     lines = [line(group) for group in result.groups]
@@ -743,7 +764,7 @@ def _groups(result: AnalyzeResultsResult) -> list[str]:
         apart = [*(part.in_words() for part in parts if part), *_metrics(group.metrics, group.valid_count, ())]
         lines += [f"- {group.name}: {part}" for part in apart]
     if len(result.groups) > _SHOWN_GROUPS and any(group.metrics for group in result.groups):
-        lines.append(f"- {len(result.groups) - _SHOWN_GROUPS} more groups: where=['config=cfg_…']")
+        lines.append(f"- {counted(len(result.groups) - _SHOWN_GROUPS, 'more group')}: where=['config=cfg_…']")
     return ["By group:", *lines] if lines else []
 
 
@@ -758,7 +779,7 @@ def _metrics(metrics: Sequence[MetricSummary], valid: int, undefined: Sequence[U
         some = "" if item.n == valid else f" (in {counted(item.n, 'run')})"
         parts.append(f"{metric_words(item.name)} {with_unit(text, item.unit)}{some}")
     parts += _undefined(undefined)
-    return [f"{'Median (range)' if valid > 2 else 'Range'} over {valid} valid runs: {'; '.join(parts)}."]
+    return [f"{'Median (range)' if valid > 2 else 'Range'} over {counted(valid, 'valid run')}: {'; '.join(parts)}."]
 
 
 def _costs(result: AnalyzeResultsResult) -> list[str]:
@@ -834,7 +855,7 @@ def _timeline(result: AnalyzeResultsResult) -> list[str]:
             f"- {step.time_s:.1f} s: {step.speed_mps:.1f} m/s, {signed(step.acceleration_mps2)} m/s²{gap}{cost}"
         )
     of = {"end": "Before the end", "moment": "Around the most critical moment", "window": "In the requested time span"}
-    gaps = " (m to ID: distance to that road user)" if any(step.gap_m is not None for step in result.timeline) else ""
+    gaps = " (m to ID: gap to road user ID)" if any(step.gap_m is not None for step in result.timeline) else ""
     return [f"{of[result.timeline_of]}{gaps}:", *lines] if lines else []
 
 

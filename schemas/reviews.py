@@ -26,6 +26,7 @@ ContactKind = Literal[
     "unclear",
 ]
 """Who hit whom, and from where; ``docs/runs.md`` states the rules."""
+_KINDS = {"rear_end_by_ego": "rear-end by the ego", "rear_end_by_other": "rear-end by another"}
 BodySide = Literal["front", "rear", "left", "right"]
 """A side of a road user, as its driver sees it."""
 RelativeHeading = Literal["same", "oncoming", "crossing"]
@@ -43,6 +44,11 @@ ReferenceDriverName = Literal[DriverModelName, "evading"]
 steering aside by a lane's width (``docs/reference_drivers.md``)."""
 DriverStart = Literal["before_contact", "start"]
 """What a driver does until it reacts: it follows the ego's own motion, or it keeps its initial lane and speed."""
+
+
+def kind_in_words(kind: str) -> str:
+    """Return a kind of contact, or an outcome without contact, as words."""
+    return _KINDS.get(kind, kind.replace("_", " "))
 
 
 class DriverVerdict(Model):
@@ -82,7 +88,7 @@ class Prevention(Model):
 
     @property
     def possible(self) -> bool:
-        """Whether a reference driver prevents the collision, from just before the contact or from the start."""
+        """Whether a reference driver prevents the collision, in the encounter or from the start."""
         by_driver = self.by_careful_driver or self.by_rss or self.by_fuzzy_driver
         return self.by_braking_until_s is not None or by_driver or bool(self._from_start(prevents=True))
 
@@ -105,20 +111,20 @@ class Prevention(Model):
         aside = "" if until is None else f"; swerving as late as {until:.1f} s prevents it"
         if not self.possible:
             starts = " or from the start" if self.drivers else ""
-            return (
-                f"no reference driver prevents it, from just before the contact{starts} ({REFERENCE_DRIVERS_DO}){aside}"
-            )
+            return f"no reference driver prevents it, in the encounter{starts} ({REFERENCE_DRIVERS_DO}){aside}"
         prevents = (
             [] if self.by_braking_until_s is None else [f"full braking (as late as {self.by_braking_until_s:.1f} s)"]
         )
         prevents += [] if until is None else [f"swerving (as late as {until:.1f} s)"]
         prevents += self._drivers(prevents=True)
+        is_r157_named = self.by_careful_driver or self.by_fuzzy_driver
         if self.by_braking_until_s is None and not self._drivers(prevents=True):
-            none = "no reference driver prevents it from just before the contact"
+            none = "no reference driver prevents it in the encounter"
             return f"{none} ({REFERENCE_DRIVERS_DO}){aside}{self._start_in_words()}"
-        others = [*self._drivers(prevents=False), *(["swerving"] if self.steering_tried and until is None else [])]
+        others = self._drivers(prevents=False, short=is_r157_named)
+        others += ["swerving"] if self.steering_tried and until is None else []
         without = f", but not by {_listed(others, 'or')}" if others else ""
-        return f"preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"
+        return f"in the encounter, preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"
 
     def _start_in_words(self) -> str:
         """Return which drivers prevent the collision from the start, as text; empty for runs of older versions."""
@@ -129,35 +135,33 @@ class Prevention(Model):
             return "; if in control from the start, no driver prevents it"
         if not no:
             return "; if in control from the start, all drivers prevent it"
+        driven = [word for name, word in _DRIVERS_IN_SHORT.items() if name in yes]
+        named = [f"the {_listed(driven, 'and')} driver{'s' * (len(driven) > 1)}"] if driven else []
+        listed = [*(words for name, words in _MANOEUVRES.items() if name in yes), *named]
         verb = "prevent" if len(yes) > 1 else "prevents"
-        return f"; if in control from the start, {_listed(yes, 'and')} {verb} it"
+        return f"; if in control from the start, {_listed(listed, 'and')} {verb} it"
 
-    def _from_start(self, *, prevents: bool) -> list[str]:
+    def _from_start(self, *, prevents: bool) -> list[ReferenceDriverName]:
         """Return the reference drivers that do or do not prevent the collision from the start; steering is left out."""
-        drivers = [
+        return [
             verdict.driver
             for verdict in self.drivers
             if verdict.start == "start" and verdict.prevents == prevents and verdict.driver != "evading"
         ]
-        return [_DRIVERS_IN_SHORT[name] for name in drivers]
 
-    def _drivers(self, *, prevents: bool) -> list[str]:
+    def _drivers(self, *, prevents: bool, short: bool = False) -> list[str]:
         """Return the reference drivers, other than full braking, that do or do not prevent the collision."""
         named = {"careful": self.by_careful_driver, "fuzzy": self.by_fuzzy_driver}
         of_r157 = [name for name, does in named.items() if does == prevents]
-        drivers = [f"UN regulation R157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
+        whose = "the" if short else "UN regulation R157's"
+        drivers = [f"{whose} {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
         return [*drivers, *(["the Responsibility-Sensitive Safety (RSS) driver"] if self.by_rss == prevents else [])]
 
 
-_DRIVERS_IN_SHORT: dict[ReferenceDriverName, str] = {
-    "full_braking": "full braking",
-    "r157_careful": "the careful driver",
-    "fsm": "the fuzzy driver",
-    "rss": "the RSS driver",
-    "keep_lane": "keeping lane and speed",
-    "evading": "swerving",
-}
+_DRIVERS_IN_SHORT: dict[ReferenceDriverName, str] = {"r157_careful": "careful", "fsm": "fuzzy", "rss": "RSS"}
 """The drivers after their first mention, which spells them out."""
+_MANOEUVRES: dict[ReferenceDriverName, str] = {"full_braking": "full braking", "keep_lane": "keeping lane and speed"}
+"""The verdicts that answers call by the manoeuvre."""
 
 
 def _listed(parts: Sequence[str], conjunction: str) -> str:
@@ -417,7 +421,7 @@ class Contact(Model):
     def _alignment(self) -> str:
         """How the two were aligned: side by side, or one at an angle, for example while merging."""
         sides = {self.ego_side, self.other_side}
-        return "alongside" if sides <= {"left", "right"} else "in the same direction"
+        return "alongside" if sides <= {"left", "right"} else "while both drove in the same direction"
 
     @property
     def _what(self) -> str:

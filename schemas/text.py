@@ -23,7 +23,8 @@ _INNER = str.maketrans({OPENING: "‘", CLOSING: "’"})
 """Inside the mark, the mark itself becomes single quotes, so that nothing inside can close it."""
 _NAME = re.compile(
     r"[A-Za-z0-9_][\w.:@#+/-]{0,79}"  # an id, a file's name, a weight, or planner:preset
-    r"(?:, [A-Za-z_]\w{0,59}=[\w.+-]{1,30}){0,12}(?: and \d+ more)?"  # what a configuration changes of its preset
+    r"(?: \[[A-Za-z_]\w{0,59}=[\w.+-]{1,30}(?:, [A-Za-z_]\w{0,59}=[\w.+-]{1,30}){0,11}(?:, \d+ more)?\])?"
+    # what a configuration changes of its preset
     r"(?: [\w.:@+-]{1,30})?(?: \([\w.:@+-]{1,30}\))?",  # a version with its digest, or the id of a result
     re.ASCII,
 )

@@ -37,7 +37,7 @@ from ..schemas.exploration import Evaluation, LogicalScenario, Parameter
 from ..schemas.grammar import parse_interval, parse_quantity
 from ..schemas.modification import Edit
 from ..schemas.planning import PlannerConfiguration
-from ..schemas.reviews import CAREFUL_DRIVERS
+from ..schemas.reviews import CAREFUL_DRIVERS, kind_in_words
 from ..schemas.runs import Traffic
 from ..schemas.worlds import World, world_of
 from .configurations import resolve_configuration
@@ -521,7 +521,7 @@ def _example(record: BoundaryRecord, one: BoundaryMap, point: MapPoint) -> Failu
     values = record.values_at(point.place, one.at)
     shown = ", ".join(f"{name} {value:g}" for name, value in values.items())
     evaluation = point.evaluation
-    met = f" ({evaluation.contact.replace('_', ' ')})" if evaluation.contact else ""
+    met = f" ({kind_in_words(evaluation.contact)})" if evaluation.contact else ""
     when = "" if evaluation.time_s is None else f" at {evaluation.time_s:.1f} s"
     return FailureExample(
         config_id=one.config_id,

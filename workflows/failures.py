@@ -394,7 +394,7 @@ async def most_critical(
 def _check(space: SearchSpace, scenario_id: str, planner: str) -> None:
     if space.base.has_failed or space.base.outcome != "safe":
         raise NotPossible(
-            f"{planner} already fails in {scenario_id} without a change: {space.base.reason}",
+            f"{planner} already fails in the unchanged {scenario_id}: {space.base.reason}",
             reason=f"base_{space.base.outcome}",
             next_step="choose a scenario that it passes; analyze_results explains this failure",
         )

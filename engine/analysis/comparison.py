@@ -703,7 +703,7 @@ def _about_strata(test: SuccessTest, strata: Sequence[Stratum]) -> list[str]:
 def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[str]:
     """Return sentences on the metrics that differ, with the better side, and on those that differ in some scenarios."""
     telling = [test for test in metrics if _is_significant(test)]
-    sides = {"after": ", better", "before": ", worse", None: ""}
+    sides = {"after": " (better)", "before": " (worse)", None: ""}
     words = [
         f"{metric_words(test.name)} {'rises' if (test.shift or 0) > 0 else 'falls'} by {measured(abs(test.shift or 0))}"
         f"{'' if test.unit == '1' else f' {test.unit}'}{sides[test.better]}"

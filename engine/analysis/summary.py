@@ -149,7 +149,7 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         beyond_vehicle=beyond_vehicle(runs) if summed else None,
         rules=rule_verdicts(runs, runs.records[0]) if single and detail in ("summary", "rules") else (),
         rule_shares=tuple(one.model_copy(update={"run_ids": one.run_ids[:_FINDING_RUNS]}) for one in shares),
-        notes=tuple(words for words, _ in notes),
+        notes=tuple(words for words, _ in notes if words),
         note_figures={name: value for _, figures in notes for name, value in figures.items()},
     )
     report(1.0, "analysed")
@@ -241,10 +241,7 @@ def _notes(
     if correlation[0] and request.detail == "findings" and len(runs.sources) > 1:
         yield correlation
     if request.detail == "summary" and hidden_findings:
-        yield (
-            f"besides these, detail=findings lists {counted(hidden_findings, 'finding')}",
-            {"hidden_findings": hidden_findings},
-        )
+        yield "", {"hidden_findings": hidden_findings}  # the answer states them with those that it leaves out
     shown = len(_page(runs, request)) if request.detail == "rows" else 0
     if shown and shown < len(runs.sources):
         page = {"first_row": request.offset + 1, "last_row": request.offset + shown}

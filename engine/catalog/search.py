@@ -348,13 +348,18 @@ class Search:
                     ego_speed_mps=None if (ego := facts[key].ego) is None else ego.speed_mps,
                     satisfied=tuple(dict.fromkeys(_evidence(one, facts[key]) for one in satisfied)),
                     unmet=(
-                        *(f"{one.label} ({_evidence(one, facts[key])})" for one in unmet),
+                        *(_unmet(one, _evidence(one, facts[key])) for one in unmet),
                         *(["the text"] if meaningless else []),
                     ),
                     score=scores.get(key),
                 )
             )
         return tuple(shown)
+
+
+def _unmet(constraint: Constraint, evidence: str) -> str:
+    """Return a condition that a scenario does not meet, with the fact that it checks if this adds anything."""
+    return constraint.label if evidence == f"no {constraint.label}" else f"{constraint.label} ({evidence})"
 
 
 def _evidence(constraint: Constraint, facts: ScenarioFacts) -> str:

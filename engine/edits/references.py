@@ -275,7 +275,8 @@ def _described(selector: Selector, scene: Scene) -> tuple[int, ...]:
         )
     if selector.kind in ("lead", "follow"):
         neighbour = leader_and_follower(scene, ego)[selector.kind == "follow"]
-        return _fitting(f"is the ego's {selector.kind}", [] if neighbour is None else [neighbour], scene)
+        what = "drives ahead of the ego" if selector.kind == "lead" else "follows the ego"
+        return _fitting(f"{what} in its lane", [] if neighbour is None else [neighbour], scene)
     sign, count = (-1.0, 1) if selector.kind == "farthest" else (1.0, _number(selector, len(there)))
     return _first(selector, there, count, lambda track: sign * _distance(track, step, ego))
 

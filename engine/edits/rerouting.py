@@ -56,11 +56,12 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     for vehicle_id in vehicles:
         plan = sent_on(plan_of(scene, changes, vehicle_id))
         changes = changes.with_plan(_rerouted(edit, scene, changes, plan))
-    where = f"turn {edit.turn} at the next fork" if edit.turn else f"to {' or '.join(edit.to or edit.via[-1:])}"
+    turn = "goes straight on" if edit.turn == "straight" else f"turns {edit.turn}"
+    where = f": {turn} at the next fork" if edit.turn else f" to {' or '.join(edit.to or edit.via[-1:])}"
     through = f" through {', then '.join(edit.via)}" if edit.via and edit.to else ""
     legs = tuple(target_lanelets([text], scene, changes) for text in edit.via)
     aims = {key: (*legs, changes.driven[key].targets) for key in vehicles}
-    return EditStep(changes, vehicles, f"{named_vehicles(vehicles)} rerouted {where}{through}", aims=aims)
+    return EditStep(changes, vehicles, f"{named_vehicles(vehicles)} rerouted{where}{through}", aims=aims)
 
 
 def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:

@@ -64,7 +64,7 @@ def transformed(edit: Edit, xml: Path, scene: Scene, drive: Callable[[], Track |
     root = etree.parse(xml, etree.XMLParser(resolve_entities=False, huge_tree=True)).getroot()
     what = TRANSFORMS[edit.op](edit, root, scene, drive)
     if edit.op in _MOVES_PLACES_OR_TIMES and without_scripts(root):
-        what += "; motions that depended on the ego are now fixed, as for an ego that SUMO drives"
+        what += "; motion that reacted to the ego is now a recording of a run in which SUMO drove the ego"
     output.write_bytes(etree.tostring(root.getroottree(), xml_declaration=True, encoding="UTF-8"))
     return what
 
@@ -444,7 +444,7 @@ def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
             f"{new}{who} {phases[0][1]} throughout, because the cycle has no other colour; add a phase such as "
             f"{'red' if phases[0][1] == 'green' else 'green'}=20 to change it"
         )
-    return f"{new}{who} the cycle {cycle} from 0 s on"
+    return f"{new}{who} this cycle from 0 s on: {cycle}"
 
 
 def _phase(text: str, step_s: float) -> tuple[int, str]:

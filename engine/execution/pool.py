@@ -96,7 +96,7 @@ class WorkerPool:
                 finished = True
             except TimeoutError as error:
                 raise WorkerTimeout(
-                    f"{operation.name} took longer than {limit_s:g} s and was stopped",
+                    f"the step {operation.name} took longer than {limit_s:g} s and was stopped",
                     next_step="request less at once, or raise the operation_timeout_s setting",
                 ) from error
             finally:

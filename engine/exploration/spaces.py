@@ -263,7 +263,7 @@ class SpaceBuilder:
             return
         ahead_m, aside_m, turned = self._seen_from_ego(track)
         brakes = self._made(
-            f"{key} brakes",
+            f"{who} brakes",
             f"{who} brakes",
             [
                 self._begin,
@@ -284,14 +284,14 @@ class SpaceBuilder:
                 yield brakes
             return
         if abs(turned) < _ALONG_RAD and abs(aside_m) < _NEXT_LANE_M:
-            yield self._changes_lane(key, who, vehicle, "right" if aside_m > 0.0 else "left")
-            yield self._swerves(key, who, vehicle, "right" if aside_m > 0.0 else "left")
+            yield self._changes_lane(who, vehicle, "right" if aside_m > 0.0 else "left")
+            yield self._swerves(who, vehicle, "right" if aside_m > 0.0 else "left")
             return
         if abs(turned) > _AGAINST_RAD:
             # An oncoming vehicle to the left of the ego moves to its own left to come near.
-            yield self._swerves(key, who, vehicle, "left" if aside_m > 0.0 else "right")
+            yield self._swerves(who, vehicle, "left" if aside_m > 0.0 else "right")
         yield self._made(
-            f"{key} changes its speed",
+            f"{who} changes its speed",
             f"{who} drives faster or more slowly",
             [
                 _range("begin_s", 0.0, 2.0, "s", summary="when it begins"),
@@ -308,8 +308,8 @@ class SpaceBuilder:
             },
         )
         yield self._made(
-            f"{key} comes at another time",
-            f"{who} comes earlier or later",
+            f"{who} comes at another time",
+            f"{who} comes at another time",
             [_range("later_s", -2.0, 2.0, "s", base=0.0, summary="how much later it comes")],
             {},
             {"op": "shift_time", "vehicles": vehicle, "time_s": "$later_s"},
@@ -328,9 +328,9 @@ class SpaceBuilder:
         ahead = float(away[0]) * math.cos(own) + float(away[1]) * math.sin(own)
         return ahead, aside, wrap_angle(float(track.headings_rad[index]) - heading)
 
-    def _changes_lane(self, key: int, who: str, vehicle: list[str], lane: str) -> LogicalScenario:
+    def _changes_lane(self, who: str, vehicle: list[str], lane: str) -> LogicalScenario:
         return self._made(
-            f"{key} changes lane",
+            f"{who} changes lane",
             f"{who} changes to the {lane} into the ego's lane",
             [
                 self._begin,
@@ -342,9 +342,9 @@ class SpaceBuilder:
             {"op": "change_lane", "vehicles": vehicle, "lane": lane, "time_s": "$change_s", "lateral_s": "$lateral_s"},
         )
 
-    def _swerves(self, key: int, who: str, vehicle: list[str], side: str) -> LogicalScenario:
+    def _swerves(self, who: str, vehicle: list[str], side: str) -> LogicalScenario:
         return self._made(
-            f"{key} swerves",
+            f"{who} swerves",
             f"{who} swerves to the {side}, towards the ego's lane",
             [
                 self._begin,

@@ -149,8 +149,8 @@ def choose_task(
     if (task := _best_task(others, spec, network, lookup, focus, step_s, accepts)) is not None:
         return replace(task, stands_in=True)
     raise NotPossible(
-        f"no candidate ego ({counted(len(choice) + len(others), name)} tried) has a goal {goal.in_words()} on its "
-        f"route (at least {spec.shortest_path_m:g} m away, reached within the recording, and clear of its start)",
+        f"{counted(len(choice) + len(others), name)} tried as the ego, but no route has a goal {goal.in_words()} that "
+        f"is at least {spec.shortest_path_m:g} m away, clear of the start, and reached within the recording",
         valid=_driven_lanelets([*choice, *others], lookup) if goal.lanelet else [],
         next_step="choose another goal, a longer duration_s, another ego or another seed",
         reason=NO_TURN if goal.turn is not None else "",

@@ -791,18 +791,18 @@ class SiteFocus:
 
     def missed(self, *, only_car: bool) -> str:
         """Return the note on an ego that passes no area; ``only_car``: no other car could be chosen."""
-        who = "the ego's route to its goal misses" if only_car else "every car's route to a goal like this misses"
+        who = "the ego's route to its goal misses" if only_car else "every car's route to its goal misses"
         return f"{who} {self._name} of the site; a goal farther ahead or another seed may change this"
 
     def left_the_street(self, *, only_car: bool) -> str:
         """Return the note on an ego that leaves the requested street; ``only_car``: no other could be chosen."""
-        who = "the ego's route to its goal" if only_car else "the route of every car with a goal like this"
+        who = "the ego's route to its goal" if only_car else "every car's route to its goal"
         return f"{who} is not on the requested street; another seed or goal may change this"
 
     def passed_close_by(self, *, only_car: bool) -> str:
         """Return the note on an ego that passes another junction nearby; ``only_car``: no other car could be chosen."""
-        who = "the ego's route to its goal" if only_car else "the route of every car with a goal like this"
-        return f"{who} passes a nearby junction, not the one of the site; another seed may change this"
+        who = "the ego's route to its goal" if only_car else "every car's route to its goal"
+        return f"{who} passes a junction nearby instead of the site's; another seed may change this"
 
 
 def _joins(lanelet: RoadLanelet, edges: frozenset[str], network: RoadNetwork) -> bool:

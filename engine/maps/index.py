@@ -928,7 +928,7 @@ def _read_settlement(part: str, facts: MapFacts, *, wide: bool) -> _Reading | No
         away_m = 1000.0 * _km_between(_as_box(settlement), _nearest_spot(settlement, facts))
         if away_m <= settlement.reach_m(wide=wide):
             where = f"{away_m / 1000:.1f} km from the map" if away_m else "inside the map"
-            taken = f"{part!r} is read as {settlement.name} (GeoNames); its centre is {where}"
+            taken = f"{part!r} is {settlement.name} in GeoNames; its centre is {where}"
             return _Reading(placed=True, understood=(taken,))
     return None
 
@@ -1087,7 +1087,7 @@ def _read_place_by_keys(part: str, facts: MapFacts, keys_of: Callable[[str], fro
             taken = "" if fold(part) in (fold(area.name), fold(widest.name)) else f"{part!r} is read as "
             if _is_whole(widest, facts):
                 return _Reading(placed=True, understood=(f"{taken}{cited(widest.name)}",) if taken else ())
-            return _Reading(placed=True, area=widest, understood=(f"{taken}{_area_text(widest)}",))
+            return _Reading(placed=True, area=widest, understood=(f"{taken or 'the place is '}{_area_text(widest)}",))
     for name in (facts.place, *facts.places):
         if not keys.isdisjoint(keys_of(name)):
             alike = fold(part) == fold(name)
@@ -1135,7 +1135,7 @@ def _words_of_file_name(stem: str) -> frozenset[str]:
 
 def _area_text(area: PlaceArea) -> str:
     return (
-        f"{area.kind} {cited(area.name)}, {area.radius_m / 1000:.1f} km around its centre "
+        f"the {area.kind} {cited(area.name)}, {area.radius_m / 1000:.1f} km around its centre "
         f"({area.latitude:.4f}, {area.longitude:.4f})"
     )
 

@@ -220,7 +220,7 @@ def _apply_benchmark(verdict: Verdict, steps: RunSteps, start: _Start) -> _Endin
         return _Ending(verdict.outcome, verdict.reason)  # the benchmark's own model cannot slip
     moment = "" if refused.index is None else f" at {refused.index * loaded.step_s:.1f} s"
     if refused.index == 0:
-        moment = " already in the initial state of the planning problem, which no planner can change"
+        moment = " in the initial state of the planning problem, which no planner can change"
     why = f"{verdict.reason}, but CommonRoad's benchmark refuses the motion: {_REFUSALS[refused.code]}{moment}"
     return _Ending("goal_refused", why, refused.code)
 

@@ -96,7 +96,7 @@ def animate(
     kinds = f"; classes of road users: {', '.join(shown.kinds)}" if shown.kinds else ""
     slow = ""
     if moment is not None:
-        slow = f" Played {_SLOWED} times slower around {moment.step * view.content.step_s:.1f} s: {moment.words}."
+        slow = f" Played at 1/{_SLOWED} of the speed around {moment.step * view.content.step_s:.1f} s: {moment.words}."
     times = ", ".join(f"{steps[place] * view.content.step_s:.1f}" for place in chosen)
     return (
         image_at(path, frames[0].size, f"{text}, {runs or 'recorded traffic'}{kinds}.{slow}"),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 from ...schemas.errors import NotPossible
 from ...schemas.results import Rate
-from ...schemas.reviews import Contact
+from ...schemas.reviews import Contact, kind_in_words
 from ...schemas.runs import RunRecord
 from ...schemas.text import REFERENCE_DRIVERS_DO, counted
 from ..analysis import RunSet, known_contacts
@@ -101,7 +101,7 @@ def _counts(
     totals: dict[str, int] = {}
     for config_id, records in groups.items():
         for contact in (contacts[record.run_id] for record in records if record.run_id in contacts):
-            kind = contact.kind.replace("_", " ")
+            kind = kind_in_words(contact.kind)
             by_fault = counts.setdefault((kind, config_id), dict.fromkeys(_FAULTS, 0))
             by_fault[_fault(contact)] += 1
             totals[kind] = totals.get(kind, 0) + 1

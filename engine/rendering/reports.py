@@ -15,7 +15,7 @@ from ...schemas.errors import ResourceFailure, UnsafeInput
 from ...schemas.measures import MeasuredValue, RunMetrics, measure_named, metric_words
 from ...schemas.rendering import RenderedImage, ReportImage, ReportRequest, ReportSection, ReportTable, ReportWritten
 from ...schemas.results import AnalyzeResultsResult, CollisionCauses, Group, Rate, figure, measured_figure
-from ...schemas.reviews import CollisionCause
+from ...schemas.reviews import CollisionCause, kind_in_words
 from ...schemas.runs import BatchRecord, RunRecord, ending, excesses_in_words
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ...schemas.text import REFERENCE_DRIVERS_DO, shown_name
@@ -146,7 +146,7 @@ def _describe_causes(causes: CollisionCauses | None) -> str:
     if causes is None:
         return "There was no collision with a known course."
     none = len(causes.not_preventable)
-    kinds = ", ".join(f"{count} {kind.replace('_', ' ')}" for kind, count in causes.kinds.items())
+    kinds = ", ".join(f"{count} {kind_in_words(kind)}" for kind, count in causes.kinds.items())
     others = f"; in {causes.from_behind} another hit the ego from behind" if causes.from_behind else ""
     recorded = (
         ", on a recorded motion that does not react to the ego"

@@ -334,7 +334,7 @@ def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets:
         parts.append(f"{_span(first.velocity, 1.0)} m/s")
     if getattr(first, "orientation", None) is not None:
         parts.append(f"heading {_span(first.orientation, 1.0)} rad")
-    more = f" (and {len(states) - 1} more goal states)" if len(states) > 1 else ""
+    more = f" (and {counted(len(states) - 1, 'more goal state')})" if len(states) > 1 else ""
     return ", ".join(parts) + more
 
 
@@ -409,7 +409,8 @@ def _schema(scene: Scene) -> str:
     errors = schema_errors(scene.loaded.path)
     if not errors:
         return "ok: valid against CommonRoad's XML schema 2020a"
-    return f"problem: {counted(len(errors), 'violation')} of CommonRoad's XML schema 2020a, first: {errors[0][:200]}"
+    such = "" if len(errors) == 1 else "the first: "
+    return f"problem: {counted(len(errors), 'violation')} of CommonRoad's XML schema 2020a: {such}{errors[0][:200]}"
 
 
 def _goal(scene: Scene) -> str:

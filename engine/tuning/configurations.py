@@ -144,8 +144,9 @@ def _configuration(
         {key: value for key, value in (weights | external).items() if value != usual.get(key, 0.0)} | vehicle | stated
     )
     parts = [f"{key}={value:g}" for key, value in changed.items()]
-    more = f" and {len(parts) - _MOST_NAMED} more" if len(parts) > _MOST_NAMED else ""
-    name = ", ".join([f"{planner}:{origin}", *parts[:_MOST_NAMED]]) + more
+    more = [f"{len(parts) - _MOST_NAMED} more"] if len(parts) > _MOST_NAMED else []
+    # In square brackets, because the list would run into the sentence that contains the name.
+    name = f"{planner}:{origin}" + (f" [{', '.join([*parts[:_MOST_NAMED], *more])}]" if parts else "")
     return PlannerConfiguration(
         config_id=configuration_id_of(planner, weights, external, settings, template),
         planner=planner,

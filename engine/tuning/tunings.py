@@ -194,7 +194,7 @@ _COST_WEIGHTS = (
     Weight(
         "responsibility",
         "nearness to road users that the ego must keep clear of",
-        "keeps its lane, distance and right of way",
+        "keeps its lane and distance, gives way",
         "ours",
     ),
 )

@@ -208,9 +208,7 @@ def ego_classes() -> Mapping[str, EgoClass]:
     circle_rad = _steering_on_circle_rad(known["coach"], _TURNING_RADIUS_M)
     classes = (
         EgoClass("car", BMW_320I, "KS", "CommonRoad's vehicle 2 (BMW 320i)", 2),
-        EgoClass(
-            "taxi", _as_traffic(known["taxi"], BMW_320I), "KS", "those of CommonRoad's vehicle 2, a passenger car too"
-        ),
+        EgoClass("taxi", _as_traffic(known["taxi"], BMW_320I), "KS", "those of a car (CommonRoad's vehicle 2)"),
         EgoClass("delivery", _as_traffic(known["delivery"], VEHICLES[3]), "KS", van),
         EgoClass("emergency", _as_traffic(known["emergency"], VEHICLES[3]), "KS", van),
         EgoClass(

@@ -290,18 +290,22 @@ _SHOWN_EDITED, _SHOWN_EDITS, _SHOWN_FLIPS, _SHOWN_RUNS = 2, 6, 3, 4
 
 def _ranking(sides: tuple[RankedSide, ...]) -> list[str]:
     """Return the sides by rank in one line."""
-    parts = [f"{side.rank}. {side.label} {side.success.count}/{side.success.of}" for side in sides]
+    parts = [
+        f"{'; ' * (rank > 1)}{rank}. "
+        + ", ".join(f"{one.label} {one.success.count}/{one.success.of}" for one in sides if one.rank == rank)
+        for rank in dict.fromkeys(side.rank for side in sides)
+    ]
     tied = len({side.rank for side in sides}) == 1
     note = "; no difference between them is shown" if tied else "; no difference between equal ranks is shown"
-    return [f"- by success, all pairs tested (Holm): {', '.join(parts)}{note}"] if parts else []
+    return [f"- by success, all pairs tested (Holm): {''.join(parts)}{note}"] if parts else []
 
 
 def _comparison(comparison: Comparison, shown_flips: int) -> list[str]:
-    lines = [f"{comparison.after} compared with {comparison.before}: {comparison.verdict}"]
+    lines = [f"{comparison.after} compared with the baseline {comparison.before}: {comparison.verdict}"]
     if comparison.single is not None:
         before, after = comparison.single
         (first, second), shared = without_shared_clauses([before.in_words(), after.in_words()])
-        lines += [f"- before: {first}", f"- after: {second}"]
+        lines += [f"- baseline: {first}", f"- other: {second}"]
         lines += [f"- same for both: {'; '.join(shared)}"] if shared else []
         lines += _edited(comparison)
         lines += _directions(comparison.metrics)
@@ -365,8 +369,8 @@ def _success(test: SuccessTest) -> list[str]:
         return []
     counts = {
         "on both sides": test.both,
-        "only before": test.only_before,
-        "only after": test.only_after,
+        "only with the baseline": test.only_before,
+        "only with the other": test.only_after,
         "on neither side": test.neither,
     }
     shares = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
@@ -479,7 +483,7 @@ def _metric(metric: MetricTest) -> str:
     if metric.low is not None and metric.high is not None:
         interval = f" (95%: {measured(metric.low)} to {measured(metric.high)})"
     scenarios = "" if metric.scenarios in (0, metric.pairs) else f" in {metric.scenarios} scenarios"
-    better = f"; {metric.better} is better" if metric.better else ""
+    better = f"; the baseline is {'better' if metric.better == 'before' else 'worse'}" if metric.better else ""
     return (
         f"- {metric_words(metric.name)}: median {_medians(metric)}, "
         f"shift {measured(metric.shift)}{interval}, effect size {figure(metric.effect, 2)}, "

@@ -249,7 +249,7 @@ class RequestedGoal:
     def in_words(self) -> str:
         """Return the position of the goal, as stated in a refusal."""
         if self.is_through:
-            return "beyond the site" if self.turn is None else f"beyond the site (turn {self.turn!r})"
+            return "beyond the site" if self.turn is None else f"beyond the site after the turn {self.turn!r}"
         if self.lanelet is not None:
             return f"on lanelet {self.lanelet.lanelet_id} ({self.lanelet.position})"
         return f"{self.steps} steps ahead" if self.steps is not None else f"{self.distance_m:g} m ahead"

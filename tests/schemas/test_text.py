@@ -96,8 +96,8 @@ def test_a_text_that_is_cut_inside_a_mark_closes_it(text: str, longest: int) -> 
 @pytest.mark.parametrize(
     "name",
     [
-        *("frenetix:Default", "jerk", "munich.osm", "cfg_1a2b@d4e5f6a", "frenetix:Sporty, jerk=0.5, tau=1e-05"),
-        *("frenetix:Default, jerk=0.5 and 3 more", "mylane:Default v2 (d4e5f6a)", "DEU_Ulm-1_1_T-1"),
+        *("frenetix:Default", "jerk", "munich.osm", "cfg_1a2b@d4e5f6a", "frenetix:Sporty [jerk=0.5, tau=1e-05]"),
+        *("frenetix:Default [jerk=0.5, 3 more]", "mylane:Default v2 (d4e5f6a)", "DEU_Ulm-1_1_T-1"),
     ],
 )
 def test_names_of_this_program_and_single_words_are_not_quoted(name: str) -> None:

@@ -82,7 +82,7 @@ async def test_streets_outside_the_circle_of_their_town_are_looked_for_on_the_wh
     south: float | None, is_whole: bool
 ) -> None:
     town = PlaceArea(name="Renton", kind="town", latitude=54.6, longitude=5.25, radius_m=300)
-    taken = "town “Renton”, 0.3 km around its centre (54.6000, 5.2500)"
+    taken = "the town “Renton”, 0.3 km around its centre (54.6000, 5.2500)"
     match = MapMatch(built_in_maps()[0], (("Main Street",),), area=town, understood=(taken,))
     spec = read_specification(GenerateScenariosArguments(place="Main Street, Renton"))
     context = cast("WorkflowContext", SitesAt(south))

@@ -316,7 +316,7 @@ class _Search:
         if best.configuration.config_id not in self.progress.results:
             self.progress.add_result(best.configuration.config_id)
         base = sum(self.plan.values(self.trials[0].valid))
-        found = f"best {sum(self.plan.values(best.valid)):.3f}, base {base:.3f}"
+        found = f"objective: best {sum(self.plan.values(best.valid)):.3f}, base {base:.3f}"
         self.progress.report(0.9 * self.driven / most, f"{self.driven} of at most {most} configurations run, {found}")
 
     async def _ended(self) -> StudyRecord:
@@ -511,7 +511,7 @@ async def optimize_planner(arguments: OptimizePlannerArguments, context: Workflo
         study = await (_effects(search) if arguments.method in _SENSITIVITY else search.run())
         context.workspace.put("study", study.study_id, recipe=recipe, record=study, name=_study_name(study))
         progress.add_result(study.study_id)
-        progress.report(1.0, f"{counted(len(study.trials), 'candidate')}; repeat optimize_planner to get the study")
+        progress.report(1.0, f"{counted(len(study.trials), 'candidate')}")
 
     job = context.start_job("study", recipe, work)
     context.made("job", job.job_id)
@@ -660,9 +660,9 @@ def _check_design(method: Literal["morris", "sobol"], weights: int, most: int) -
         fewer = max(
             (count for count in range(1, weights) if 1 + fewest_configurations(method, count) <= most), default=0
         )
-        valid = [f"max_trials={needed}", *([f"vary with at most {fewer} weights"] if fewer else [])]
+        valid = [f"max_trials={needed}", *([f"vary with at most {counted(fewer, 'weight')}"] if fewer else [])]
         raise InvalidRequest(
-            f"{method} of {counted(weights, 'weight')} needs {needed} configurations, more than max_trials={most}",
+            f"{method} with {counted(weights, 'weight')} needs {needed} configurations, more than max_trials={most}",
             valid=valid,
         )
 

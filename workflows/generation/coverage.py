@@ -29,7 +29,7 @@ from ...schemas.generation import (
     ScenarioType,
 )
 from ...schemas.jobs import JobState
-from ...schemas.text import one_line
+from ...schemas.text import counted, one_line
 from ..context import WorkflowContext
 from ..operations import COUNT_SITES, PLAN_COVERAGE
 from .cover_words import RequestedPlan, existing_levels, impossible_turns
@@ -295,7 +295,7 @@ class _PlanWork:
         tally, wanted = self._tally, self._plan.wanted
         lost = tally.refused + tally.failed
         share = tally.made / wanted if wanted else (tally.made + lost) / max(tally.made + lost + tally.waiting, 1)
-        message = f"{tally.made:,}{f' of {wanted:,}' if wanted else ''} generated, {lost:,} refused"
+        message = f"{tally.made:,}{f' of {wanted:,}' if wanted else ''} generated, {counted(lost, 'try')} refused"
         self._progress.report(min(share, 1.0), message)
 
 

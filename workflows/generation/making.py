@@ -147,7 +147,7 @@ def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator
         if share == NATURAL_SHARES.get(name):
             yield f"{name}: {100 * share:g}% of all vehicles, as in the EU ({SHARES_SOURCE}), but at least one"
         elif share == 0:
-            yield f"{name}: at least one, because its share of traffic is unknown; {name}=30% sets one"
+            yield f"at least 1 {name}, because its share of traffic is unknown; {name}=30% sets the share"
         else:
             realised = scenario.classes_realised.get(name, 0) / max(scenario.vehicles_realised, 1)
             yield f"{name}: {share:.0%} of all vehicles requested, {realised:.0%} realised"

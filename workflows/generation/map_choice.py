@@ -416,7 +416,7 @@ def _failure_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: s
         )
     message = (
         f"{refusal.message.rstrip('.')}, and {failure.message.rstrip('.')}; "
-        "until it can be reached, only local maps are searched; the valid names are the nearest of theirs"
+        "until it can be reached, only local maps are searched, which have the valid names"
     )
     return ServiceFailure(
         message,

@@ -178,8 +178,8 @@ def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
         per_lane_km = vehicles_per_lane_km(conditions.hour)
         conditions = conditions.model_copy(update={"per_lane_km": per_lane_km})
         notes.append(
-            f"{conditions.time}: {per_lane_km:g} vehicles per lane-km (medium at noon, other hours by their share of a "
-            f"working day, {SHARES_OF_DAY_SOURCE}); a given density overrides it"
+            f"{conditions.time}: {per_lane_km:g} vehicles per lane-km (the medium density at noon, scaled by the "
+            f"hour's share of a working day's traffic, {SHARES_OF_DAY_SOURCE}); a given density overrides it"
         )
     elif conditions.hour is not None:
         source = "the flows set" if flows else f"density={arguments.density} sets"
@@ -378,29 +378,33 @@ def read_vehicles(
         InvalidRequest: the numbers of vehicles are invalid.
     """
     in_our_words = [_normalised_demand(text) for text in texts]
+    for words, _ in in_our_words:
+        named = _NAMED_DEMAND.fullmatch(words)
+        if named is not None and not re.search(r"[\d@]", named[2]):
+            _check_class(vehicle_class_of(named[2]) or named[2], texts)
     demands = _vehicle_demands(texts, [words for words, _ in in_our_words])
     demands = _with_ego_class(_with_actor_class(demands, others), ego)
-    _check_classes(demands, texts)
+    for demand in demands:
+        _check_class(demand.vehicle_class, texts)
     return demands, [taken for _, taken in in_our_words if taken]
 
 
-def _check_classes(demands: Sequence[VehicleDemand], texts: Sequence[str]) -> None:
+def _check_class(name: str, texts: Sequence[str]) -> None:
     known = list(dict.fromkeys([*vehicle_classes(), PEDESTRIAN.name]))
-    for name in (demand.vehicle_class for demand in demands):
-        if name not in known:
-            near = closest(name, known)
-            raise UnknownName(
-                f"there is no vehicle class {name!r}",
-                valid=near,
-                reason="unknown_class",
-                remedies=[*misspelt(name, near), *_without_class(name, texts)],
-                complete=True,
-            )
+    if name not in known:
+        near = closest(name, known)
+        raise UnknownName(
+            f"there is no vehicle class {name!r}",
+            valid=near,
+            reason="unknown_class",
+            remedies=[*misspelt(name, near), *_without_class(name, texts)],
+            complete=True,
+        )
 
 
 def _without_class(name: str, texts: Sequence[str]) -> list[Remedy]:
     """Return the call without the vehicles of a class; no remedy if ``vehicles`` does not contain it."""
-    others = [text for text in texts if not re.search(rf"\b{re.escape(name)}\b", text)]
+    others = [text for text in texts if not re.search(rf"(?<!\w){re.escape(name)}(?!\w)", text)]
     return [] if len(others) == len(texts) else [with_values(vehicles=others or None)]
 
 
@@ -417,7 +421,7 @@ def _vehicle_demands(texts: list[str], in_our_words: Iterable[str]) -> tuple[Veh
     if requested > MOST_VEHICLES:
         raise InvalidRequest(
             f"vehicles requests {requested:,} vehicles at one site",
-            valid=[f"at most {MOST_VEHICLES} in all classes together"],
+            valid=[f"at most {MOST_VEHICLES} of all classes in total"],
             remedies=_with_fewer(texts, demands),
         )
     shared = sum(demand.share or 0.0 for demand in demands)
@@ -540,10 +544,14 @@ def _with_actor_class(
     return demands if name in (None, "car") or demand_of_class is not None else (*demands, _bare_demand(name))
 
 
+_NAMED_DEMAND = re.compile(r"(\s*!?\s*)([^\W\d][^<>=!]*?)(\s*(?:[<>=].*)?)", re.DOTALL)
+"""A demand with a class in any script: what precedes the class, the class, and its number."""
+
+
 def _normalised_demand(text: str) -> tuple[str, str]:
     """Return a demand with our word for its class, and a note if the word was replaced."""
     text = as_exclusion(text)
-    found = re.fullmatch(r"(\s*!?\s*)([^\W\d][^<>=!]*?)(\s*(?:[<>=].*)?)", text, re.DOTALL)
+    found = _NAMED_DEMAND.fullmatch(text)
     name = None if found is None else vehicle_class_of(found[2])
     if found is None or name is None or name == found[2]:
         return text, ""

@@ -209,7 +209,7 @@ class RoadReader:
         parts = [f"{kmh:g} km/h {kind} ({in_words(names)})" for (kmh, kind), names in sorted(limits.items())]
         if source == "driven":
             return (
-                f"slip roads, drives and tracks without a signed speed limit have their usual speed: {'; '.join(parts)}"
+                f"slip roads, driveways and tracks without a signed speed limit get a typical one: {'; '.join(parts)}"
             )
         law = f"the legal default of {self._where.name}"
         if source == "usual":
@@ -227,9 +227,9 @@ _SENTENCES: Mapping[str, str] = {
     "too_narrow": "roads left out because they are too narrow for a car: {}",
     "no_cars": "roads closed to cars but not to all vehicles: {}",
     "access_only": "roads for destination traffic only, which the simulation treats as open: {}",
-    "barrier": "barriers close roads here to every vehicle: {}",
+    "barrier": "some roads are closed at points with these tags: {}",
     "mini_roundabout": "a mini-roundabout becomes a plain junction: {}",
-    "one_lane": f"roads with one lane for both directions, built with one of {SHARED_LANE_M:g} m in each: {{}}",
+    "one_lane": f"roads with one lane for both directions get a lane of {SHARED_LANE_M:g} m in each: {{}}",
     "middle_lane": "the centre turn lane is left out: {}",
     "odd_lanes": "the tags do not state which direction has the odd lane; it goes to forward: {}",
     "width_for_fewer": "the mapped width is too small for the mapped lanes, so lanes have the usual width: {}",

@@ -213,7 +213,7 @@ def _lost(loaded: LoadedScenario) -> tuple[str, ...]:
     goals = sum(len(problem.goal.state_list) for problem in loaded.planning_problems.planning_problem_dict.values())
     more = len(loaded.planning_problems.planning_problem_dict) - 1
     counts = (
-        (goals, "goal", " of the ego (the format has none)"),
+        (goals, "goal", " of the ego (the format has no goals)"),
         (more, "more planning problem", ""),
         (late, "road user", " entering later (at its first pose from the start)"),
         (without, "obstacle", " without a trajectory"),

@@ -128,10 +128,10 @@ def test_the_text_names_drivers_that_prevent_it_and_drivers_that_do_not() -> Non
     hit = first_touch(ego, standing)
     words = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S).in_words()
     rss = "the Responsibility-Sensitive Safety (RSS) driver"
-    assert words.startswith("preventable by full braking (as late as ")
+    assert words.startswith("in the encounter, preventable by full braking (as late as ")
     assert words.endswith(
-        f" s), UN regulation R157's fuzzy driver and {rss}, but not by UN regulation R157's careful "
-        "driver; if in control from the start, full braking, the fuzzy driver and the RSS driver prevent it"
+        f" s), UN regulation R157's fuzzy driver and {rss}, but not by the careful "
+        "driver; if in control from the start, full braking and the fuzzy and RSS drivers prevent it"
     )
 
 

@@ -48,7 +48,7 @@ def test_refused_goals_are_shown_next_to_the_rate_by_the_papers_rule() -> None:
     assert (found.success.count, found.success.of) == (1, 3)
     assert found.by_any_motion is not None
     assert (found.by_any_motion.count, found.by_any_motion.of) == (2, 3)
-    assert "(any motion counts): goal 2/3" in found.to_text()
+    assert "benchmark refuses: goal 2/3" in found.to_text()
     assert analysed(*five_runs()).by_any_motion is None
 
 
@@ -299,7 +299,7 @@ def test_a_success_shows_its_most_critical_moment_instead_of_its_end(tmp_path: P
     assert found.review.closest is not None
     assert (found.review.closest.obstacle_id, found.review.closest.time_s) == (33, 0.0)
     assert found.timeline[-1].time_s == 1.5
-    assert "Around the most critical moment (m to ID: distance to that road user):" in found.to_text()
+    assert "Around the most critical moment (m to ID: gap to road user ID):" in found.to_text()
 
 
 def test_costs_and_rows_are_shown_on_request(tmp_path: Path) -> None:

@@ -65,8 +65,8 @@ def test_recorded_and_added_road_users_have_strata_that_the_road_allows(space: S
     assert space.base.outcome == "safe"
     assert space.recorded == (33, 34)
     assert {
-        "33 changes lane",
-        "33 swerves",
+        "car 33 changes lane",
+        "car 33 swerves",
         "pedestrian crosses from the right",
         "cyclist crosses from the left",
     } <= names

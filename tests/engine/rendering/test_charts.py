@@ -36,7 +36,7 @@ def words(kind: PictureKind, runs: tuple[RunSource, ...], *scenarios: ScenarioSo
 
 def test_causes_state_kinds_and_the_number_of_unpreventable_collisions(hit: RunSource, town: ScenarioSource) -> None:
     text = words("causes", (hit, source(record(TOWN, config=SAFE))), town)
-    assert "1 rear end by ego under Default (1 preventable)" in text
+    assert "1 rear-end by the ego under Default (1 preventable)" in text
     assert "0 of 1 judged collisions not preventable" in text
 
 

@@ -32,7 +32,7 @@ def _study() -> StudyRecord:
         base_id="cfg_0",
         base_name="idm:Default",
         best_id="cfg_3",
-        best_name="idm:Default, a=2",
+        best_name="idm:Default [a=2]",
         training_scenarios=9,
         training=("DEU_A",),
         held_out_places=("DEU_B",),

@@ -30,7 +30,7 @@ def test_settings_are_part_of_the_configuration() -> None:
     made = changed("vehicle=1", "length_m=5", "horizon_s=4", "replan_steps=1", "sampling_level=1")
     assert made.settings == PlannerSettings(vehicle=1, length_m=5, horizon_s=4, replan_steps=1, sampling_level=1)
     assert made.config_id != base().config_id
-    assert made.name == "frenetix:Default, vehicle=1, length_m=5, horizon_s=4 and 2 more"
+    assert made.name == "frenetix:Default [vehicle=1, length_m=5, horizon_s=4, 2 more]"
     assert {c.name: (c.before, c.after) for c in differences(base(), made)}["length_m"] == (4.508, 5.0)
     assert made.assignments[0] == "vehicle=1"
 
@@ -42,7 +42,7 @@ def test_default_settings_leave_the_id_as_it_was_without_settings() -> None:
 def test_stating_vehicle_2_is_another_configuration_than_leaving_it_to_the_ego() -> None:
     stated = changed("vehicle=2")
     assert stated.config_id != base().config_id
-    assert stated.name.endswith("vehicle=2")
+    assert stated.name.endswith("vehicle=2]")
     assert stated.settings.states_vehicle
     assert vehicle_of(stated.settings, "truck") == VEHICLES[2]
     assert vehicle_of(base().settings, "truck").length_m == 7.1

@@ -166,7 +166,9 @@ def test_a_part_of_a_map_selects_its_own_area_and_the_answer_says_so() -> None:
     match = find_maps([a_map("Pine Street", areas=(quarter,))], place="Altstadt, Seattle")[0]
     assert match.area == quarter
     assert match.box == pytest.approx((54.5973, 5.24534, 54.6027, 5.25466), abs=1e-4)
-    assert match.understood == ("'Altstadt' is read as quarter “Old Town”, 0.3 km around its centre (54.6000, 5.2500)",)
+    assert match.understood == (
+        "'Altstadt' is read as the quarter “Old Town”, 0.3 km around its centre (54.6000, 5.2500)",
+    )
 
 
 @pytest.mark.parametrize("words", ["玄武大道, Seattle", "Xuanwu Road, Seattle", "Xuanwu Road"])
