@@ -339,7 +339,7 @@ class ModificationOutcome(Model):
     checked_by: CheckedBy = "closed_form"
     checkers_agree: int | None = Field(None, description="touched motions on which both checks agree")
     untouched: int = Field(0, description="vehicles that the edits leave unchanged")
-    weather: str = Field("", description="bad weather that the edits wrote to the file; empty if they wrote none")
+    weather: str = Field("", description="bad weather that the edits wrote to the file; empty if they did not")
     planners_refuse: str = ""
     warnings: tuple[str, ...] = ()
 

@@ -452,7 +452,7 @@ def _alternatives_of(text: str) -> tuple[bool, list[str]]:
         raise InvalidRequest(
             f"{quoted(text)} has a ! after its beginning, but only a leading ! excludes, and it excludes all places",
             valid=[f"!{words}", words],
-            next_step="write one ! before all places, or none",
+            next_step="write one ! before all places, or leave it out",
             given=text,
         )
     return body.startswith("!"), parts
