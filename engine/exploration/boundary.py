@@ -201,7 +201,7 @@ class Area:
     the edge is monotonic there, the error is at most half of the rectangle around the chord. For a cell that the edge
     crosses in any other way, the bounds are zero and the whole cell. Both bounds also allow for islands hidden in
     uniform cells: the upper end u of a 95 % Wilson interval of the share of checked cells that were not uniform, or 1
-    if none was checked. The lower bound loses u times the area of the label's own uniform cells, and the upper bound
+    if no cell was checked. The lower bound loses u times the area of the label's own uniform cells, and the upper bound
     gains u times the area of the others. All labels share u, so their bounds hold together: an upper bound and the
     lower bounds of all other labels never add up to more than 1.
     """
