@@ -10,7 +10,6 @@ from pydantic import ValidationError
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, UnsafeInput, closest
 from ...schemas.exploration import LogicalScenario, PreCrashType
 from ...schemas.text import shown_name
-from .openscenario_story import logical_scenario_of
 
 _CATALOGUE = "catalog/logical_scenarios.yaml"
 _PRE_CRASH_TYPES = "catalog/pre_crash_types.yaml"
@@ -97,6 +96,8 @@ def logical_scenario_in(path: Path, name: str = "", allowed: Callable[[str], Pat
         UnknownName: it has no logical scenario with this name.
     """
     if path.suffix.lower() == ".xosc":
+        from .openscenario_story import logical_scenario_of  # loads CommonRoad, which names alone do not need
+
         return logical_scenario_of(path, allowed)
     try:
         if path.stat().st_size > _LARGEST_BYTES:

@@ -143,7 +143,7 @@ def test_an_animation_is_slower_around_the_collision_and_says_so(
 ) -> None:
     request = RenderRequest(kind="animation", runs=(hit,), scenarios=(town,), folder=str(tmp_path))
     image = render(request, silent).images[0]
-    assert "4 times slower around 4.0 s: collision with car 31" in image.alt_text
+    assert "1/4 of the speed around 4.0 s: collision with car 31" in image.alt_text
     durations = []
     with Image.open(image.path) as opened:
         for frame in range(opened.n_frames):  # type: ignore[attr-defined]
@@ -159,5 +159,5 @@ def test_an_animation_slows_at_the_closest_encounter_of_a_run_without_a_collisio
 ) -> None:
     run = source(record(TOWN, figures=metrics(minimum_distance_m=0.0)), tmp_path)
     image = render(RenderRequest(kind="animation", runs=(run,), scenarios=(town,), folder=str(tmp_path)), silent)
-    assert "times slower around" in image.images[0].alt_text
+    assert "of the speed around" in image.images[0].alt_text
     assert "closest, 0.00 m to car 31" in image.images[0].alt_text
