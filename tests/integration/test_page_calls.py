@@ -21,7 +21,8 @@ ELSEWHERE = {
 }
 """Pages whose calls are made by other tests, or by none, and why."""
 FEWER = {
-    r"preset:\d+": "preset:1",
+    r'^((?!.*"objective").*)preset:\d+': r"\1preset:1",
+    r"preset:(?!1\b)\d+": "preset:6",
     r'"max_trials": \d+': '"max_trials": 4',
     r'\["frenetix"\], "points": \d+': '["idm"], "points": 30, "references": false',
     r'("runs": \d+)': r'\1, "until_first": true',

@@ -87,7 +87,7 @@ async def test_batch_shows_its_board_analysis_and_comparison(settings: Settings,
         journal = await browser.get("/ui/journal")
     assert links(listed, rf"/ui/batch/{batch}")
     assert "2 runs (2 valid" in page.text
-    assert "idm:Cautious compared with idm:Default" in page.text
+    assert "idm:Cautious compared with the baseline idm:Default" in page.text
     assert board.status_code == 200
     assert scenario in board.text
     assert links(alone, rf"/ui/view/run/{run}")

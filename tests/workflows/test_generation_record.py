@@ -83,7 +83,7 @@ async def test_shares_of_traffic_are_reported_with_their_source(connect: Connect
         bus, taxi, truck = made["scenarios"][0]["notes"][:3]
         assert bus.startswith("bus: 0.25% of all vehicles")
         assert SHARES_SOURCE in bus
-        assert taxi.startswith("taxi: at least one, ")
+        assert taxi.startswith("at least 1 taxi, ")
         realised = made["scenarios"][0]["classes_realised"]
         assert (realised["bus"], realised["taxi"]) == (1, 1)
         assert truck.startswith("truck: 30% of all vehicles requested, ")

@@ -91,7 +91,7 @@ async def test_planners_of_others_go_the_whole_way(call: Call, tmp_path: Path) -
     assert listed["looks"] == "a program that looks"
     assert "own_theirs" not in sys.modules, "the server's process runs no code of others"
     configured = await call("configure_planner", base="theirs:Lazy", weights=["slower_mps2=0.5"])
-    assert configured["name"] == "theirs:Lazy, slower_mps2=0.5"
+    assert configured["name"] == "theirs:Lazy [slower_mps2=0.5]"
     configurations = ["idm", configured["config_id"], "looks", *MISBEHAVING]
     batch = await call("run_planner", scenarios=["ZAM_Builder-1_1_T-1"], configs=configurations, wait_s=50)
     assert batch["state"] == "done"
