@@ -143,8 +143,8 @@ def test_closed_input_ends_the_server_and_its_workers_after_clean_output(server:
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
 def test_signal_ends_the_server_and_its_workers(server: Server, number: signal.Signals, tmp_path: Path) -> None:
-    """Also right after a call: hosts that leave (SIGTERM) give a server 2 s to write its journal, in which a busy machine does
-    not read the tables of the token count.
+    """Also right after a call: hosts that leave (SIGTERM) give a server 2 s to write its journal, in which a busy
+    machine does not read the tables of the token count.
     """
     server.initialize()
     workers = server.warm_workers()

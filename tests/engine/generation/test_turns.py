@@ -116,7 +116,9 @@ def test_every_way_on_and_off_a_main_road_is_known(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("turn", ["exit", "merge"])
 def test_a_ramp_that_no_drawn_car_takes_is_driven_all_the_same(tmp_path: Path, turn: str) -> None:
-    made = make("Neuland", tmp_path, goal=f"through:{turn}", vehicles=ONE_CAR, duration_s=12.0, seed=3, most_rounds=None)
+    made = make(
+        "Neuland", tmp_path, goal=f"through:{turn}", vehicles=ONE_CAR, duration_s=12.0, seed=3, most_rounds=None
+    )
     assert made.site.scenario_type == "ramp"
     assert any(f"turn '{turn}'" in note for note in made.notes)
 
