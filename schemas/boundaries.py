@@ -21,6 +21,8 @@ OUTCOME_WORDS: Final[dict[PointOutcome, str]] = {
 """The outcomes as answers print them."""
 LATTICE: Final = 64
 """Steps of a map's lattice along each parameter."""
+MOST_CONFIGURATIONS: Final = 6
+"""The most configurations of one exploration (chosen)."""
 
 
 class ExploreBoundaryArguments(Arguments):
@@ -30,7 +32,9 @@ class ExploreBoundaryArguments(Arguments):
     over: list[str] = Field(
         [], description="two as 'headway_s=0.5..2.5', others fixed 'ego_speed_mps=20' or in slices '15,25'"
     )
-    configs: list[str] = Field(["current"], min_length=1, max_length=6, description="config ids, PLANNER[:PRESET]")
+    configs: list[str] = Field(
+        ["current"], min_length=1, max_length=MOST_CONFIGURATIONS, description="config ids, PLANNER[:PRESET]"
+    )
     base: str | None = Field(None, description="scenario id in place of the drawn road")
     points: int = Field(150, ge=30, le=1000)
     """The most points of each map; each is a run of the planner."""

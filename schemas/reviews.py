@@ -153,8 +153,8 @@ class Prevention(Model):
         """Return the reference drivers, other than full braking, that do or do not prevent the collision."""
         named = {"careful": self.by_careful_driver, "fuzzy": self.by_fuzzy_driver}
         of_r157 = [name for name, does in named.items() if does == prevents]
-        whose = "the" if short else "UN regulation R157's"
-        drivers = [f"{whose} {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
+        owner = "the" if short else "UN regulation R157's"
+        drivers = [f"{owner} {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
         return [*drivers, *(["the Responsibility-Sensitive Safety (RSS) driver"] if self.by_rss == prevents else [])]
 
 

@@ -111,10 +111,16 @@ def _within(word: str, context: WorkflowContext) -> frozenset[str]:
     """
     if _is_search(word):
         return frozenset(searched_within(word, context) or ())
-    where = {"country": word} if country_code(word.strip().removeprefix("!")) else {"city": word}
+    where = {"country": word} if _country_in(word)[0] else {"city": word}
     search = opened_search(FindScenariosArguments(**where), context)
     entries = entries_of(context.workspace.database.connection(), search.funnel.matches)
     return frozenset(entry.scenario_id for entry in entries)
+
+
+def _country_in(word: str) -> tuple[str | None, bool]:
+    """Return the country that a word names, or None, and whether a leading ``!`` excludes it."""
+    body = word.strip()
+    return country_code(body.removeprefix("!")), body.startswith("!")
 
 
 def _other_facets(
@@ -128,14 +134,14 @@ def _other_facets(
 def _maps_within(word: str | None, context: WorkflowContext) -> tuple[MapFacts, ...]:
     """Return the maps of a country or place, or of the places of a search, by country; all maps if no word is given."""
     known = [entry.facts for entry in inventory_of_read_maps(context).entries]
+    code, excludes = _country_in(word or "")
     if word is None:
         found = known
     elif _is_search(word):
         ids = searched_within(word, context) or ()
         countries = {each.partition("_")[0] for each in ids}
         found = [facts for facts in known if facts.country in countries]
-    elif (code := country_code(word.strip().removeprefix("!"))) is not None:
-        excludes = word.strip().startswith("!")
+    elif code is not None:
         found = [facts for facts in known if (code == facts.country or code in facts.countries_near) is not excludes]
     else:
         found = _showing(word, context)

@@ -12,7 +12,7 @@ from ..engine.exploration import catalogue
 from ..engine.planners import PLANNERS
 from ..engine.rendering import report_image
 from ..engine.workspace import write_whole
-from ..schemas.boundaries import BoundaryRecord, ExploreBoundaryArguments
+from ..schemas.boundaries import MOST_CONFIGURATIONS, BoundaryRecord, ExploreBoundaryArguments
 from ..schemas.errors import NotPossible, PlannerForgeError, UnknownName
 from ..schemas.leaderboard import Leaderboard, LeaderboardLine, LeaderboardRequest, standing_of
 from ..schemas.rendering import ReportImage, ReportRequest, ReportSection, ReportTable
@@ -26,8 +26,6 @@ from .rendering import draw
 BOARD_NAMES = ("leaderboard.html", "leaderboard.json")
 """The files of a leaderboard: the page, and everything on it with all digests."""
 _WAIT_S = 50.0
-_TOGETHER = 6
-"""How many planners one exploration compares, as its arguments allow."""
 
 
 async def make_leaderboard(
@@ -51,7 +49,7 @@ async def make_leaderboard(
     request = request.model_copy(update={"scenarios": tuple(scenarios), "planners": planners})
     lines, left_out, images = list[LeaderboardLine](), list[str](), list[ReportImage]()
     versions, bases = dict[str, str](), dict[str, str]()
-    parts = [planners[begin : begin + _TOGETHER] for begin in range(0, len(planners), _TOGETHER)]
+    parts = [planners[begin : begin + MOST_CONFIGURATIONS] for begin in range(0, len(planners), MOST_CONFIGURATIONS)]
     wanted = [(scenario, world, part) for scenario in scenarios for world in request.worlds for part in parts]
     for number, (scenario, world, part) in enumerate(wanted):
         show(number, len(wanted), f"{scenario} in the world {world}")

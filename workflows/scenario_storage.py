@@ -76,8 +76,8 @@ async def import_scenarios(context: WorkflowContext, paths: Sequence[Path], on_d
 async def import_tags(context: WorkflowContext, path: Path) -> ImportedItem:
     """Import the scenario that an OpenLABEL file tags, with these tags.
 
-    The scenario is the file next to it that it names, or else the stored scenario with this id, of which the result is
-    then a new version, unless it has the tags already.
+    The scenario is the file next to it that it names, or else the stored scenario with this id. If that scenario lacks
+    some of the tags, the result is a new version of it.
 
     Raises:
         InvalidRequest: the file is not OpenLABEL.

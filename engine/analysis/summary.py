@@ -107,7 +107,8 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
     single = len(runs.sources) == 1
     summed = detail == "summary" and not single
     shares = rule_shares(runs) if detail == "rules" and not single else ()
-    notes = list(_notes(runs, request, note, len(grouped), len(findings) - len(stated)))
+    notes = list(_notes(runs, request, note, len(grouped)))
+    hidden = len(findings) - len(stated) if detail == "summary" else 0
     result = AnalyzeResultsResult(
         results=request.results,
         runs=len(runs.sources),
@@ -149,8 +150,9 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         beyond_vehicle=beyond_vehicle(runs) if summed else None,
         rules=rule_verdicts(runs, runs.records[0]) if single and detail in ("summary", "rules") else (),
         rule_shares=tuple(one.model_copy(update={"run_ids": one.run_ids[:_FINDING_RUNS]}) for one in shares),
-        notes=tuple(words for words, _ in notes if words),
-        note_figures={name: value for _, figures in notes for name, value in figures.items()},
+        notes=tuple(words for words, _ in notes),
+        note_figures={name: value for _, figures in notes for name, value in figures.items()}
+        | ({"hidden_findings": hidden} if hidden else {}),
     )
     report(1.0, "analysed")
     return result
@@ -223,9 +225,7 @@ def _rows(runs: RunSet, records: Sequence[RunRecord]) -> tuple[RunRow, ...]:
     )
 
 
-def _notes(
-    runs: RunSet, request: AnalyseRequest, correlation: Note, group_count: int, hidden_findings: int
-) -> Iterator[Note]:
+def _notes(runs: RunSet, request: AnalyseRequest, correlation: Note, group_count: int) -> Iterator[Note]:
     """Yield each note with its figures by name."""
     if request.lost:
         first = request.lost[0]
@@ -240,8 +240,6 @@ def _notes(
         yield f"{older} of {len(runs.valid)} valid runs are judged by {_OLD_RULE}", {"older_rule_runs": older}
     if correlation[0] and request.detail == "findings" and len(runs.sources) > 1:
         yield correlation
-    if request.detail == "summary" and hidden_findings:
-        yield "", {"hidden_findings": hidden_findings}  # the answer states them with those that it leaves out
     shown = len(_page(runs, request)) if request.detail == "rows" else 0
     if shown and shown < len(runs.sources):
         page = {"first_row": request.offset + 1, "last_row": request.offset + shown}

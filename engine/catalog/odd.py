@@ -116,7 +116,7 @@ def odd_values(facts: ScenarioFacts) -> dict[str, OddValue]:
 
 
 def _nearest_density(per_km: float) -> Density:
-    """Return the density whose number of vehicles per km of lane is nearest, as a ratio."""
+    """Return the density with the nearest number of vehicles per km of lane, as a ratio."""
     return min(VEHICLES_PER_LANE_KM, key=lambda name: abs(log(max(per_km, 1.0) / VEHICLES_PER_LANE_KM[name])))
 
 

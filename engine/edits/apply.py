@@ -33,7 +33,7 @@ from ..vehicles import vehicle_classes
 from . import ego, moving, population, rerouting, scripted, trajectory
 from .changes import Changes, EditStep
 from .edited_scene import SimulatedEdits, SimulationResult
-from .ego_risk import EgoDrive, EgoRisk, drive_after, ego_risk_after, shown_ego
+from .ego_risk import EgoRisk, drive_after, ego_risk_after, shown_ego
 from .entries import check_entries, slower_entries
 from .explanations import check_not_driven_past, is_red
 from .given import GivenScenario
@@ -222,7 +222,10 @@ def _apply_stage(
         resolved = resolved_edits(request.edits, base, start, request.earlier, stage.first)
         report(0.4, "simulating")
         simulated = simulated_edits(request, kept, setup, start, resolved)
-        risks = _risks(request, kept.ego_before(setup), simulated, given) if reports_ego else (None, None)
+        risks: tuple[EgoRisk | None, EgoRisk | None] = (None, None)
+        if reports_ego:
+            before = kept.ego_before(setup) if given is None else given.before
+            risks = None if before is None else before.danger, _risk_after(request, simulated, given)
         report(0.8, "writing")
         notes = write_edits(document, simulated)
         files = (None, None) if request.dry_run else _write_files(request, document, net)
@@ -233,16 +236,11 @@ def _apply_stage(
     return _Applied(outcome_of(request, simulated, risks, files, notes), simulated)
 
 
-def _risks(
-    request: ModificationRequest, base: EgoDrive | None, simulated: SimulatedEdits, given: GivenScenario | None
-) -> tuple[EgoRisk | None, EgoRisk | None]:
-    """Return the ego's risk before and after the edits; None if there is no ego."""
-    before = base if given is None else given.before
+def _risk_after(request: ModificationRequest, simulated: SimulatedEdits, given: GivenScenario | None) -> EgoRisk | None:
+    """Return the ego's risk after the edits; None if there is no ego."""
     if given is not None:
-        after = given.risk_after(request, simulated)
-    else:
-        after = None if simulated.ego is None else ego_risk_after(simulated.ego, simulated)
-    return None if before is None else before.danger, after
+        return given.risk_after(request, simulated)
+    return None if simulated.ego is None else ego_risk_after(simulated.ego, simulated)
 
 
 def _obeying(scene: Scene, lanelets: frozenset[int]) -> dict[int, DrivePlan]:

@@ -1,8 +1,8 @@
 """The scenario that a call edits: the reference for what the call's answer says about its edits.
 
 Earlier edits are applied to their base again, so the stages of a request start from other scenarios. The answer
-compares with the scenario that the call names, whose ego an ordinary driver drives. Edits that move the whole scene
-move this reference too. Distances are in m.
+compares with the scenario that the call names, in which an ordinary driver drives the ego. Edits that move the whole
+scene move this reference too. Distances are in m.
 """
 
 import tempfile

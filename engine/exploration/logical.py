@@ -72,6 +72,7 @@ def pre_crash_type(text: str) -> PreCrashType | None:
             f"NHTSA's typology has the types 1 to {len(types)}, but not '{number}'",
             valid=valid,
             next_step="read plannerforge://vocabulary/pre_crash_types for the types",
+            complete=True,
         )
     if not found.scenarios:
         raise NotPossible(

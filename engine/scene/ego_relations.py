@@ -69,8 +69,8 @@ def _roads_straight_on(
     A lane that only turns has a neighbour that goes straight on.
     """
     own = network.find_lanelet_by_id(start)
-    beside = (own.adj_left, own.adj_right)
-    starts = [start, *(int(key) for key in beside if key is not None and int(key) in lanes_left)]
+    neighbours = (own.adj_left, own.adj_right)
+    starts = [start, *(int(key) for key in neighbours if key is not None and int(key) in lanes_left)]
     return tuple(path_ahead(network, graph, key, (), _AHEAD_M)[0] for key in starts)
 
 

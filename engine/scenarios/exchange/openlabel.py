@@ -152,8 +152,9 @@ def read_openlabel(path: Path) -> OpenLabelTags:
         }
         tagged = str(root["metadata"].get("tagged_file", ""))
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        detail = f": {one_line(str(error), 120)}" if isinstance(error, OSError | ValueError) else ""
         raise InvalidRequest(
-            f"{shown_name(path.name)} has no tags of ASAM OpenLABEL 1.0: {one_line(repr(error), 120)}",
+            f"{shown_name(path.name)} has no tags of ASAM OpenLABEL 1.0{detail}",
             valid=["a JSON file with openlabel.metadata, openlabel.ontologies and openlabel.tags"],
             next_step="import a file of scenario tags",
         ) from error
