@@ -15,6 +15,7 @@ EditOperation = Literal[
     "reroute",
     "change_lane",
     "set_speed",
+    "stop_at",
     "shift_time",
     "set_behaviour",
     "add_vehicle",
@@ -57,6 +58,7 @@ EDITS: Final[dict[EditOperation, EditKind]] = {
     "reroute": EditKind("T", ("vehicles", "to", "via", "turn")),
     "change_lane": EditKind("T", ("vehicles", "lane", "time_s", "lateral_s", "when", "dodge")),
     "set_speed": EditKind("T", ("vehicles", "speed", "time_s", "rate_mps2", "when", "dodge")),
+    "stop_at": EditKind("T", ("vehicles", "at", "lane", "offset_m", "position", "duration_s", "time_s")),
     "shift_time": EditKind("T", ("vehicles", "time_s")),
     "set_behaviour": EditKind("B", ("vehicles", "preset", "params")),
     "add_vehicle": EditKind(
@@ -120,7 +122,7 @@ class Edit(Arguments):
     """How many to add, one behind the other."""
     spacing_m: float | None = Field(None, ge=0)
     """The distance between several added vehicles, in m."""
-    at: str | None = Field(None, description="where to put: lanelet, edge, ego, vehicle:ID")
+    at: str | None = Field(None, description="lanelet, edge, ego, vehicle:ID")
     lane: Literal["same", "left", "right", "oncoming"] | None = None
     """The side of `at`, if that is the ego or a vehicle."""
     offset_m: float | None = Field(None, description="from at, between centres along the lane; - behind")
@@ -135,7 +137,7 @@ class Edit(Arguments):
     when: str | None = Field(None, description="trigger: 'ego@LANELET:35m', 'gap<=2s'; prescribed")
     dodge: bool | None = Field(None, description="brakes for the ego")
     duration_s: float | None = Field(None, ge=0.1)
-    """The duration of a swerve, a lane closure or a cut-out scenario; how long an added pedestrian stands first."""
+    """The duration of a stop, swerve, lane closure or cut-out scenario; how long an added pedestrian stands first."""
     side: Literal["left", "right"] | None = Field(None, description="swerve to, pedestrian from, parked at this kerb")
     former_ego: Literal["vanish", "traffic"] | None = None
     """What happens to the old ego if a recorded car takes its place."""
@@ -220,6 +222,7 @@ class Achieved(Model):
     value: float = Field(description="the value achieved")
     unit: str
     reached: bool = Field(True, description="whether the value is the one requested")
+    reason: str = Field("", description="why the requested motion did not happen")
 
     @property
     def failed(self) -> bool:

@@ -12,6 +12,8 @@
 ``sent_on``: returns the plan of a vehicle that an edit sends somewhere; a vehicle added to stand starts to move.
 ``Manoeuvre``: an order to a driven vehicle that starts at a step: a speed, or a lane change.
 ``Halt``: an order to a driven vehicle to stop, from one step up to, but not including, another.
+``StopOrder``: an order to stop at a place of the route and to stand there for some time.
+``distances_ahead_m``: returns the distance in m from a driven vehicle's front to the start of each lanelet ahead.
 ``JunctionLaneChange``: a lane change inside a junction.
 ``Replay``: a road user that moves by a given track, not by SUMO.
 ``SpeedAct``: part of a script: starting at a step, change speed with a prescribed acceleration.
@@ -67,13 +69,14 @@ if TYPE_CHECKING:
         values_set,
     )
     from .handover import HandoverTrack, handover_track
-    from .manoeuvres import LANE_CHANGE_S, Halt, Manoeuvre
+    from .manoeuvres import LANE_CHANGE_S, Halt, Manoeuvre, StopOrder
     from .plans import (
         PROGRESS_ACROSS,
         DrivePlan,
         JunctionLaneChange,
         Replay,
         class_of,
+        distances_ahead_m,
         not_drivable,
         recorded_plan,
         sent_on,

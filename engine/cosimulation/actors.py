@@ -21,7 +21,7 @@ from ..traffic import NO_LANE, LaneHint, sumo_pose, vehicle_type
 from ..vehicles import hardest_braking_mps2
 from .driver import Behaviour, usual_behaviour
 from .manoeuvres import Halt, Manoeuvre
-from .plans import DrivePlan, Replay, class_of, shown_track
+from .plans import DrivePlan, Replay, class_of, halts_at_stops, shown_track
 
 LATERAL_SHARE = 0.25
 """Largest lateral speed per speed along the lane (chosen): a car changes lanes at 14°, and not while it stands."""
@@ -184,7 +184,7 @@ def driven_actor(scene: Scene, plan: DrivePlan) -> Actor:
         behaviour=plan.behaviour.on_road(scene.friction),
         sumo_class=plan.vehicle_class.sumo_class,
         manoeuvres=plan.manoeuvres,
-        halts=plan.halts,
+        halts=(*plan.halts, *halts_at_stops(scene, plan)),
         ignores_lights=plan.ignores_lights,
         friction=scene.friction,
         lanes_to_target=_lanes_to(scene, plan, aims, target),

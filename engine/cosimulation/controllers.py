@@ -8,15 +8,16 @@ driver's own deceleration, and harder only if that would be too late (:func:`nex
 
 import math
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
 
 from ..geometry import Values
 from ..traffic import LaneHint, Sumo
-from ..vehicles import HARDEST_BRAKING_MPS2
+from ..vehicles import HARDEST_BRAKING_MPS2, STANDING_MPS
 from .actors import Actor
-from .manoeuvres import LANE_CHANGE_S
+from .manoeuvres import LANE_CHANGE_S, Halt
 
 
 class _SpeedController(ABC):
@@ -33,6 +34,8 @@ class _SpeedController(ABC):
         """
 
 
+AT_STOP_M = 1.0
+"""A vehicle that stands this near its halt has arrived (chosen): another vehicle that stands there keeps it behind."""
 STOPPED_WITHIN_M = 0.5
 """Least distance that a stopping vehicle assumes (chosen): with less, rounding would brake without bound."""
 
@@ -253,12 +256,13 @@ class CurveSpeedController(_SpeedController):
 
 
 class StopController(_SpeedController):
-    """Makes vehicles that an edit halts stop where their orders require."""
+    """Makes vehicles stop where their halts require: to give way, or because an edit orders a stop."""
 
     def __init__(self, sumo: Sumo) -> None:
         super().__init__(sumo)
         self._steps: dict[str, int] = {}
         self._rolled_m: dict[str, float] = {}
+        self._stood_steps: Counter[tuple[str, Halt]] = Counter()
 
     def highest_speed_mps(self, actor: Actor, lane: str) -> float | None:  # noqa: ARG002 - halts are on any lane
         """Return the speed to brake to, as in the base class."""
@@ -268,12 +272,20 @@ class StopController(_SpeedController):
         step = self._steps[actor.key] = self._steps.get(actor.key, actor.drive_from - 1) + 1
         if step > actor.drive_from:
             self._rolled_m[actor.key] = self._rolled_m.get(actor.key, 0.0) + speed_mps * step_s
-        holding = [halt.rolled_m for halt in actor.halts if halt.from_step <= step < halt.until_step]
-        if not holding:
+        holding = [one for one in actor.halts if one.from_step <= step < one.until_step]
+        left = (one for one in holding if not self._is_over(actor.key, one))
+        halt = min(left, key=lambda one: one.rolled_m, default=None)
+        if halt is None:
             return None
-        left_m = min(holding) - self._rolled_m.get(actor.key, 0.0)
+        left_m = halt.rolled_m - self._rolled_m.get(actor.key, 0.0)
+        if left_m <= AT_STOP_M and speed_mps <= STANDING_MPS:
+            self._stood_steps[actor.key, halt] += 1
         usual, hardest = actor.behaviour.values["decel"], actor.hardest_braking_mps2
         return next_speed_mps(speed_mps, usual, step_s, left_m, left_m, hardest_mps2=hardest)
+
+    def _is_over(self, key: str, halt: Halt) -> bool:
+        """Return True if a vehicle has stood at a halt for as long as ordered."""
+        return halt.stands_steps is not None and self._stood_steps[key, halt] >= halt.stands_steps
 
 
 SPEED_CONTROLLERS: tuple[type[_SpeedController], ...] = (

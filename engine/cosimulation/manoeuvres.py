@@ -45,14 +45,29 @@ class Manoeuvre:
 
 @dataclass(frozen=True)
 class Halt:
-    """An order to stop within ``rolled_m`` of the place where SUMO takes over.
+    """An order to stop after driving at most ``rolled_m`` from the place where SUMO takes over.
 
-    The order applies from ``from_step`` up to, but not including, ``until_step``.
+    The order applies from ``from_step`` up to, but not including, ``until_step``, and at most until the vehicle has
+    stood for ``stands_steps`` at that place (None: no such end).
     """
 
     from_step: int
     until_step: int
     rolled_m: float
+    stands_steps: int | None = None
+
+
+@dataclass(frozen=True)
+class StopOrder:
+    """An order to stop with the front at a place on the route, and to stand there for a number of steps.
+
+    The place is given by lanelet and arc length, so it stays the same if a later edit hands the vehicle over earlier
+    or changes its route. ``stands_steps`` is None if the vehicle stands until the scenario ends.
+    """
+
+    lanelet_id: int
+    station_m: float
+    stands_steps: int | None = None
 
 
 def required_gap_m(closing_mps: float) -> float:

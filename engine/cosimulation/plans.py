@@ -21,7 +21,7 @@ from ..geometry import Points, arc_length, point_at, project
 from ..scene import NOT_DRIVEN, LaneMatch, Scene
 from ..vehicles import VehicleClass, vehicle_classes
 from .driver import Behaviour, usual_behaviour
-from .manoeuvres import Halt, Manoeuvre
+from .manoeuvres import Halt, Manoeuvre, StopOrder
 from .triggers import Script
 
 Cause = Literal["edited", "added", "handed_over"]
@@ -47,8 +47,8 @@ class DrivePlan:
     ``edges``: SUMO's route for it. ``targets``: the lanelets that the edit accepts as targets; empty if it has no
     target. ``through``: lanelets of the route that the vehicle must use. ``manoeuvres``: its orders, by step.
     ``junction_lane_change``: how it changes lanes if it is handed over inside a junction, or None. ``halts``: where it
-    waits. ``gives_way``: whether it waits for others that it would hit. ``ignores_lights``: whether it neither stops at
-    red lights nor yields.
+    waits for others. ``stops``: the stops that edits order. ``gives_way``: whether it waits for others that it would
+    hit. ``ignores_lights``: whether it neither stops at red lights nor yields.
     """
 
     start: Track
@@ -63,6 +63,7 @@ class DrivePlan:
     through: frozenset[int] = frozenset()
     junction_lane_change: JunctionLaneChange | None = None
     halts: tuple[Halt, ...] = ()
+    stops: tuple[StopOrder, ...] = ()
     gives_way: bool = False
     ignores_lights: bool = False
 
@@ -207,3 +208,43 @@ def _directions_along(track: Points) -> Points:
     rolls = length_m > MOVED_M
     last = np.maximum.accumulate(np.where(rolls, np.arange(len(track)), int(np.argmax(rolls))))
     return np.asarray(moved[last] / np.maximum(length_m[last], MOVED_M)[:, None])
+
+
+_MOST_CONTINUATIONS = 20
+"""How often a route is continued straight ahead beyond its end (chosen)."""
+
+
+def distances_ahead_m(scene: Scene, plan: DrivePlan) -> dict[int, float]:
+    """Return the distance from a driven vehicle's front to the start of each lanelet of its route.
+
+    Distances are in m, along the route and straight on beyond its end, at the step at which the plan begins. The first
+    lanelet is the one under the front; the distance to its start is 0 or negative.
+    """
+    lanes, successors = scene.layout.table.lanes, scene.layout.table.successors
+    chain = list(plan.lanelets)
+    for _ in range(_MOST_CONTINUATIONS):
+        following = scene.edge_graph.straight_on(chain[-1])
+        if not following or not set(chain).isdisjoint(following):
+            break
+        chain += following
+    front = plan.start.front_at(plan.from_step - plan.start.first_step)
+    while len(chain) > 1 and project(lanes[chain[0]].center, front)[0] >= lanes[chain[0]].length_m:
+        del chain[0]
+    start_m, distances = -project(lanes[chain[0]].center, front)[0], dict[int, float]()
+    for place, key in enumerate(chain):
+        if place and key in successors[chain[place - 1]]:
+            start_m += lanes[chain[place - 1]].length_m
+        distances.setdefault(key, start_m)
+    return distances
+
+
+def halts_at_stops(scene: Scene, plan: DrivePlan) -> tuple[Halt, ...]:
+    """Return halts for the stops of a plan; a stop at a place that its route does not pass is left out."""
+    if not plan.stops:
+        return ()
+    starts_m = distances_ahead_m(scene, plan)
+    return tuple(
+        Halt(plan.from_step, scene.last_step + 1, starts_m[stop.lanelet_id] + stop.station_m, stop.stands_steps)
+        for stop in plan.stops
+        if stop.lanelet_id in starts_m
+    )

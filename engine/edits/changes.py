@@ -16,7 +16,7 @@ from ...schemas.grammar import parse_quantity
 from ...schemas.modification import Achieved
 from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, recorded_plan, usual_behaviour
-from ..geometry import Points, project
+from ..geometry import Points
 from ..scene import Ego, LaneMatch, Scene
 from ..vehicles import vehicle_classes
 
@@ -132,34 +132,6 @@ def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:
         plan = changes.driven[vehicle_id]
         return plan if plan.cause == "added" else replace(plan, from_step=first, cause="edited")
     return recorded_plan(scene, vehicle_id, "edited", first)
-
-
-_MOST_CONTINUATIONS = 20
-"""How often a route is continued straight ahead beyond its end (chosen)."""
-
-
-def distances_ahead_m(scene: Scene, plan: DrivePlan) -> dict[int, float]:
-    """Return the distance from a driven vehicle's front to the start of each lanelet of its route.
-
-    Distances are in m, along the route and straight on beyond its end, at the step at which the plan begins. The first
-    lanelet is the one under the front; the distance to its start is 0 or negative.
-    """
-    lanes, successors = scene.layout.table.lanes, scene.layout.table.successors
-    chain = list(plan.lanelets)
-    for _ in range(_MOST_CONTINUATIONS):
-        following = scene.edge_graph.straight_on(chain[-1])
-        if not following or not set(chain).isdisjoint(following):
-            break
-        chain += following
-    front = plan.start.front_at(plan.from_step - plan.start.first_step)
-    while len(chain) > 1 and project(lanes[chain[0]].center, front)[0] >= lanes[chain[0]].length_m:
-        del chain[0]
-    start_m, distances = -project(lanes[chain[0]].center, front)[0], dict[int, float]()
-    for place, key in enumerate(chain):
-        if place and key in successors[chain[place - 1]]:
-            start_m += lanes[chain[place - 1]].length_m
-        distances.setdefault(key, start_m)
-    return distances
 
 
 def scene_for_references(scene: Scene, changes: Changes) -> Scene:

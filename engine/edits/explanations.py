@@ -24,7 +24,6 @@ from ..scene import NOT_DRIVEN, Scene
 from ..vehicles import STANDING_MPS
 from .changes import EditStep, listed
 from .edited_scene import EditedScene, SimulationResult, new_overlaps
-from .scripted import LINE_MISSED, RED_MISSED, TIME_GAP_MISSED
 
 _SHORT_M = 5.0
 """A vehicle may pass a lanelet shorter than this within one step, so that no step shows it there (50 m/s)."""
@@ -509,17 +508,10 @@ def why_missed(values: Sequence[Achieved]) -> str | None:
     An edit is not done if its effect occurred for none of its vehicles. A value that only differs from the requested
     value is reported as a value.
     """
-    missed = {one.vehicle_id: one.quantity for one in values if one.failed}
-    if not missed or {one.vehicle_id for one in values} - set(missed):
+    reasons = {one.vehicle_id: one.reason for one in values if one.failed}
+    if {one.vehicle_id for one in values} - set(reasons):
         return None
-    return next((reason for quantity, reason in _MISSED.items() if quantity in missed.values()), None)
-
-
-_MISSED: Mapping[str, str] = {
-    TIME_GAP_MISSED: "not done: the vehicle behind it has stopped by then, so there is no time gap",
-    LINE_MISSED: "not done: the stop line is not crossed before the recording ends",
-    RED_MISSED: "not done: the light is no longer red when the vehicle crosses",
-}
+    return next((reason for reason in reasons.values() if reason), None)
 
 
 def _is_set_anew(step: EditStep, key: int, later: Sequence[EditStep]) -> bool:

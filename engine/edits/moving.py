@@ -16,6 +16,7 @@ from ..cosimulation import (
     DrivePlan,
     Manoeuvre,
     Replay,
+    distances_ahead_m,
     joined_track,
     line_from,
     not_drivable,
@@ -28,22 +29,13 @@ from ..geometry import Points, arc_length, interpolate, point_at
 from ..network import Signal, station_m
 from ..scene import LaneMatch, Scene
 from ..vehicles import VehicleClass
-from .changes import (
-    Changes,
-    EditStep,
-    check_speed,
-    distances_ahead_m,
-    named_vehicles,
-    parse_speed,
-    plan_of,
-    within_time,
-)
+from .changes import Changes, EditStep, check_speed, named_vehicles, parse_speed, plan_of, within_time
 from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
 from .placement import Place, first_place
 from .population import check_allowed, resolve_class
 from .references import select, select_one, target_lanelets
-from .scripted import LINE_MISSED, RED_MISSED, achieved, motion_of
+from .scripted import achieved, missed, motion_of
 
 _BARRIER_M, _BARRIER_MARGIN_M = 1.0, 0.2
 """Length of the barrier that closes a lane, and the room that it leaves on either side (chosen)."""
@@ -233,14 +225,13 @@ def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             track = edited.road_users.get(key)
             step = None if track is None else crossing_step(scene, track, lanelet)
             if step is None:
-                found.append(achieved(key, LINE_MISSED, None, 0.0, "", reached=False))
-                continue
-            is_red = signal.letter_at(step * scene.step_s) in _RED
-            found.append(
-                achieved(
-                    key, "crossing at red" if is_red else RED_MISSED, None, step * scene.step_s, "s", reached=is_red
-                )
-            )
+                why = "the stop line is not crossed before the recording ends"
+                found.append(missed(key, "lines crossed", why))
+            elif signal.letter_at(step * scene.step_s) in _RED:
+                found.append(achieved(key, "crossing at red", None, step * scene.step_s, "s"))
+            else:
+                why = "the light is no longer red when the vehicle crosses"
+                found.append(missed(key, "crossing", why, step * scene.step_s, "s"))
         return tuple(found)
 
     return EditStep(changes, vehicles, f"runs a red light: {'; '.join(words[:3])}", measure=measured)

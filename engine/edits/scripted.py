@@ -325,10 +325,6 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
     return EditStep(changes, vehicles, what, measure=measured)
 
 
-TIME_GAP_MISSED, LINE_MISSED, RED_MISSED = "gap to a standing vehicle", "lines crossed", "crossing"
-"""Quantities that are never reached: they report that the effect of an edit did not occur."""
-
-
 def achieved(
     key: int, quantity: str, asked: float | None, value: float, unit: str, *, reached: bool | None = None
 ) -> Achieved:
@@ -337,6 +333,13 @@ def achieved(
         reached = asked is None or abs(value - asked) <= _VALUE_SHARE * max(abs(asked), 0.5)
     rounded = None if asked is None else round(asked, 3)
     return Achieved(vehicle_id=key, quantity=quantity, asked=rounded, value=round(value, 3), unit=unit, reached=reached)
+
+
+def missed(key: int, quantity: str, reason: str, value: float = 0.0, unit: str = "") -> Achieved:
+    """Return the result for a requested motion that did not happen, with the reason, such as "it is too late"."""
+    return Achieved(
+        vehicle_id=key, quantity=quantity, value=round(value, 3), unit=unit, reached=False, reason=f"not done: {reason}"
+    )
 
 
 def scripted_lane_change(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterable[int]) -> EditStep:
@@ -636,7 +639,8 @@ def _cut_in_achieved(
     gap_m = ahead - (track.length_m + target.length_m) / 2
     speed = float(target.speeds_mps[at])
     if speed <= TIME_GAP_MPS:  # a standing vehicle has no time gap, so the request is not fulfilled
-        return (achieved(key, TIME_GAP_MISSED, None, gap_m, "m", reached=False),)
+        why = "the vehicle behind it has stopped by then, so there is no time gap"
+        return (missed(key, "gap to a standing vehicle", why, gap_m, "m"),)
     in_s = achieved(key, "gap", gap_s, gap_m / speed, "s", reached=abs(gap_m / speed - gap_s) <= 0.1)
     return (in_s, achieved(key, "gap", None, gap_m, "m"))
 

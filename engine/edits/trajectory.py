@@ -4,6 +4,7 @@ Each edit creates or changes plans of vehicles (``DrivePlan``) or replays of rec
 Times count from the scenario's start.
 """
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -18,9 +19,11 @@ from ..cosimulation import (
     DrivePlan,
     Manoeuvre,
     Replay,
+    StopOrder,
     behaviour_from,
     beyond,
     class_of,
+    distances_ahead_m,
     own_minimum_gap_m,
     parameters_set,
     presets,
@@ -28,9 +31,9 @@ from ..cosimulation import (
     sent_on,
     values_set,
 )
-from ..geometry import Values
+from ..geometry import Values, point_at, project
 from ..scene import Scene
-from ..vehicles import STANDING_MPS
+from ..vehicles import STANDING_MPS, hardest_braking_mps2
 from .changes import (
     FEWEST_STATES,
     MOST_NAMED,
@@ -47,9 +50,18 @@ from .changes import (
     within_time,
 )
 from .edited_scene import EditedScene
+from .placement import Place, first_place
 from .references import nearest_ids, select
-from .scripted import achieved, motion_of, scripted_lane_change, scripted_speed
+from .scripted import achieved, missed, motion_of, scripted_lane_change, scripted_speed
 
+_AT_PLACE_M = 1.0
+"""A stop this near the ordered place is at it (chosen): the written motion is smoothed by up to 0.5 m."""
+_AROUND_PLACE_M = 10.0
+"""A vehicle that stands within this distance of the ordered place stands for it (chosen): others may stand there."""
+_AT_LENGTH_S = 0.5
+"""A stop that is shorter or longer by no more than this is as long as ordered (chosen)."""
+_BRAKING_ROOM = 1.2
+"""A refused stop proposes a place this many braking distances ahead (chosen)."""
 _NEAR_SHARE = 0.02
 """A mean speed is reached within this share of it (chosen)."""
 
@@ -186,6 +198,93 @@ def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     when = "" if edit.time_s is None else f" from {edit.time_s:g} s"
     return EditStep(
         changes, vehicles, f"{named_vehicles(vehicles)} set to {speeds[vehicles[0]][0]:.1f} m/s{when}", speeds=speeds
+    )
+
+
+def stop_at(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
+    """Have the selected vehicles stop with their front at a place on their route, and then drive on.
+
+    They brake for the place as its distance requires, and stand for ``duration_s``, or until the scenario ends.
+
+    Raises:
+        InvalidRequest: no place is given, or a vehicle is absent at that time.
+        NotPossible: the place is not on the route, too near to brake for, or the vehicle cannot be driven.
+    """
+    vehicles = select(edit.vehicles, scene, changes)
+    stands_steps = None if edit.duration_s is None else round(edit.duration_s / scene.step_s)
+    places: dict[int, Place] = {}
+    for vehicle_id in vehicles:
+        plan, _ = _plan_from(scene, changes, vehicle_id, edit.time_s, sends_on=True)
+        place = first_place(edit, scene, changes, 0.0)
+        _check_stop(scene, plan, place)
+        order = StopOrder(place.lanelet_id, place.station_m, stands_steps)
+        # It stays in the lane of the place: a vehicle in the next lane would stop beside it.
+        kept = plan.through | ({place.lanelet_id} & {*plan.lanelets})
+        changes = changes.with_plan(replace(plan, stops=(*plan.stops, order), through=kept))
+        places[vehicle_id] = place
+
+    def measured(edited: EditedScene) -> tuple[Achieved, ...]:
+        found = (_stop_achieved(edited, key, place, edit.duration_s) for key, place in places.items())
+        return tuple(itertools.chain.from_iterable(found))
+
+    first = places[vehicles[0]]
+    stop = "stops" if len(vehicles) == 1 else "stop"
+    how_long = "" if edit.duration_s is None else f" for {edit.duration_s:g} s"
+    what = f"{named_vehicles(vehicles)} {stop} on lanelet {first.lanelet_id} at {first.station_m:.1f} m{how_long}"
+    return EditStep(changes, vehicles, what, measure=measured)
+
+
+def _check_stop(scene: Scene, plan: DrivePlan, place: Place) -> None:
+    """Refuse a place that is not ahead on a vehicle's route, or that it cannot brake for when its plan begins.
+
+    Raises:
+        NotPossible: with the places at which the vehicle can stop.
+    """
+    starts_m = distances_ahead_m(scene, plan)
+    speed_mps = float(plan.start.speeds_mps[plan.from_step - plan.start.first_step])
+    braking_m = speed_mps**2 / (2 * hardest_braking_mps2(scene.friction))
+    lanes, key = scene.layout.table.lanes, plan.start.obstacle_id
+    room_m = starts_m[place.lanelet_id] + place.station_m if place.lanelet_id in starts_m else None
+    if room_m is not None and room_m >= braking_m:
+        return
+    possible = [one for one in starts_m if starts_m[one] + lanes[one].length_m > _BRAKING_ROOM * braking_m]
+    nearest = []
+    for one in possible[:1]:
+        station = max(_BRAKING_ROOM * braking_m - starts_m[one], lanes[one].length_m / 2)
+        nearest = [with_values(at=str(one), position=f"{station:.1f}m", lane=None, offset_m=None)]
+    raise NotPossible(
+        f"the route of vehicle {key} does not pass lanelet {place.lanelet_id}"
+        if room_m is None
+        else f"the place is {room_m:.1f} m ahead of vehicle {key}, which needs {braking_m:.1f} m to brake from "
+        f"{speed_mps:.1f} m/s"
+        if room_m > 0.0
+        else f"vehicle {key} is already past lanelet {place.lanelet_id} at {place.station_m:.1f} m",
+        valid=[f"at={one}" for one in possible],
+        next_step="choose a place farther ahead on its route",
+        remedies=nearest,
+    )
+
+
+def _stop_achieved(edited: EditedScene, key: int, place: Place, asked_s: float | None) -> tuple[Achieved, ...]:
+    """Measure where and for how long a vehicle stands near a place, on the written motion."""
+    track, step_s = edited.road_users.get(key), edited.scene.step_s
+    if track is None:
+        return ()
+    center = edited.scene.layout.table.lanes[place.lanelet_id].center
+    target = point_at(center, place.station_m)[0]
+    stands = [
+        index
+        for index, speed in enumerate(track.speeds_mps)
+        if speed <= STANDING_MPS and np.linalg.norm(track.front_at(index) - target) <= _AROUND_PLACE_M
+    ]
+    if not stands:
+        return (missed(key, "stop", "it does not get there before the scenario ends"),)
+    station = project(center, track.front_at(stands[0]))[0]
+    standing_s = len(stands) * step_s
+    is_long_enough = asked_s is None or abs(standing_s - asked_s) <= _AT_LENGTH_S
+    return (
+        achieved(key, "stop at", place.station_m, station, "m", reached=abs(station - place.station_m) <= _AT_PLACE_M),
+        achieved(key, "standing time", asked_s, standing_s, "s", reached=is_long_enough),
     )
 
 

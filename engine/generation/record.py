@@ -44,7 +44,7 @@ def record_of(
     checks: Checks,
     notes: Iterable[str],
 ) -> GeneratedScenario:
-    """Return the answer about a scenario file; class counts exclude the ego.
+    """Return the record of a scenario file; class counts exclude the ego.
 
     Args:
         vehicles: the ego and the others.

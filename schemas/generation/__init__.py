@@ -410,7 +410,7 @@ class VehicleAbsence(Model):
     """Requested road users of one class that are missing or different, and the reason.
 
     ``fate`` says whether they were missing at the start, were left out of SUMO's recording, or were replaced.
-    ``vehicles`` lists the SUMO ids of those that were present.
+    ``vehicles`` lists the SUMO ids of those that drove in SUMO before they were left out or replaced.
     """
 
     fate: AbsenceFate = Field(description="what happened to them")
@@ -557,7 +557,11 @@ class ScenarioSummary(Model):
     @property
     def missing(self) -> list[str]:
         """Why requested road users are missing, one line each."""
-        return [f"Missing road users: {absence.in_words()}." for absence in self.absences if absence.fate != "replaced"]
+        return [f"Missing road users: {absence.in_words()}." for absence in self._missing]
+
+    @property
+    def _missing(self) -> list[VehicleAbsence]:
+        return [absence for absence in self.absences if absence.fate != "replaced"]
 
     @property
     def where(self) -> str:
@@ -596,7 +600,9 @@ class ScenarioSummary(Model):
         refused = f"; {self.planners_refuse}" if self.planners_refuse else ""
         others = "".join(f"; {words}" for words in (self.others, self.encounter) if words)
         shown = f"{self.recorded_s:g} s, {self.traffic}; {self.density}"
-        return f"{made}: {self.where}; {shown}{others}{tried}{failed}{refused}"
+        absent = [f"{counted(one.count, one.vehicle_class)} ({one.code})" for one in self._missing]
+        missing = f"; missing: {', '.join(absent)}" if absent else ""
+        return f"{made}: {self.where}; {shown}{others}{missing}{tried}{failed}{refused}"
 
 
 _SITE_NOUNS = {"signalised_intersection": "signalised intersection", "rural": "rural road", "urban": "urban road"}

@@ -83,7 +83,7 @@ def test_a_time_gap_to_a_standing_vehicle_is_not_reported_as_reached(
 
 
 def test_an_edit_is_done_if_it_succeeds_for_one_of_its_vehicles() -> None:
-    missed = scripted.achieved(31, scripted.LINE_MISSED, None, 0.0, "", reached=False)
+    missed = scripted.missed(31, "lines crossed", "it stands")
     crossed = scripted.achieved(32, "crossing at red", None, 4.0, "s")
     short = scripted.achieved(31, "gap", 1.5, 1.2, "s")
     assert why_missed([missed]) is not None
