@@ -37,13 +37,15 @@ class Change:
 class Remedy:
     """Changes of the refused call, in order, or another call: ``tool`` with ``arguments``.
 
-    ``carried`` lists the arguments that the other call takes from the refused one.
+    ``carried`` lists the arguments that the other call takes from the refused one. ``corrects_spelling``: the remedy
+    only corrects names, so it is proposed even if there is no time to try it.
     """
 
     changes: tuple[Change, ...] = ()
     tool: str = ""
     arguments: Mapping[str, Any] = field(default_factory=dict)
     carried: tuple[str, ...] = ()
+    corrects_spelling: bool = False
 
     def at(self, place: Place) -> "Remedy":
         """Return the same remedy with its changes moved to a place."""
@@ -60,7 +62,7 @@ class Remedy:
         changes = tuple(
             Change(tuple(one["place"]), one["values"], one["words"], tuple(one["fields"])) for one in value["changes"]
         )
-        return cls(changes, value["tool"], value["arguments"], tuple(value["carried"]))
+        return cls(changes, value["tool"], value["arguments"], tuple(value["carried"]), value["corrects_spelling"])
 
 
 def instead(word: str, other: object, *fields: str) -> Remedy:
@@ -112,10 +114,10 @@ def _value(text: str) -> Any:
 def misspellings(message: str, valid: Iterable[str]) -> list[Remedy]:
     """Return replacements for the words quoted in a message: the valid names that they may misspell.
 
-    Numbers are excluded, because a different number means a different thing. Text in brackets after a valid name
-    explains the name.
+    Numbers are excluded, because a different number means a different thing. Text after a valid name explains it: a
+    bracket, or a range such as ``sigma from 0 to 1``.
     """
-    names = [re.sub(r" (?:\(|in [\[(]).*$", "", text) for text in valid]
+    names = [re.sub(r" (?:\(|from |above |below |up to |at least |at most ).*$", "", text) for text in valid]
     return [remedy for word in re.findall(r"'([^']+)'", message) for remedy in misspelt(word, names)]
 
 
@@ -124,7 +126,9 @@ def misspelt(word: str, names: Iterable[str], *fields: str) -> list[Remedy]:
     if re.fullmatch(r"[\d.]+", word):
         return []
     return [
-        instead(word, name, *fields) for name in names if _is_likely_misspelling(word.strip().lower(), name.lower())
+        replace(instead(word, name, *fields), corrects_spelling=True)
+        for name in names
+        if _is_likely_misspelling(word.strip().lower(), name.lower())
     ]
 
 

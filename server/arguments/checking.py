@@ -146,7 +146,7 @@ def _explained(model: type[BaseModel], error: ValidationError, given: Mapping[st
         step = "" if is_replaced else "use a valid value"
         names = dict.fromkeys((*given, *corrected))
         changed = {name: corrected.get(name) for name in names if corrected.get(name) != given.get(name)}
-        remedies.append(Remedy((Change(values=changed),)))
+        remedies.append(Remedy((Change(values=changed),), corrects_spelling=is_replaced))
     return InvalidRequest(
         "; ".join([*(text for text, _ in problems), *more]),
         valid=dict.fromkeys(valid),

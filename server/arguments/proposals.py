@@ -58,8 +58,11 @@ async def proposed_call(
     read = read_loosely(spec.arguments_type, given).values
     mended = None
     if spec.name in tools and spec.proposed:
-        with anyio.move_on_after(TRYING_S):
-            mended = await _Correction(spec, read, call).first_that_works(error)
+        correction = _Correction(spec, read, call)
+        with anyio.move_on_after(TRYING_S) as trial:
+            mended = await correction.first_that_works(error)
+        if trial.cancelled_caught:
+            mended = correction.respelt
     if mended is not None:
         return NextCall.again(spec.name, read, mended)
     return _look_up(error, spec, read, call, tools)
@@ -67,12 +70,16 @@ async def proposed_call(
 
 @dataclass
 class _Correction:
-    """The search for a corrected call: corrects faults in sequence, and tries calls if possible."""
+    """The search for a corrected call: corrects faults in sequence, and tries calls if possible.
+
+    ``respelt``: the first valid call that only corrects names, for the case that there is no time to try it.
+    """
 
     spec: ToolSpec
     read: Mapping[str, Any]
     call: ToolCall
     seen: list[Mapping[str, Any]] = field(default_factory=list)
+    respelt: dict[str, Any] | None = None
 
     async def first_that_works(self, error: PlannerForgeError) -> dict[str, Any] | None:
         """Return the arguments of the first corrected call that works, or that is valid if it cannot be tried."""
@@ -91,6 +98,8 @@ class _Correction:
             self.seen.append(following.arguments)
             try:
                 arguments = read_arguments(self.spec.arguments_type, following.arguments)
+                if remedy.corrects_spelling and depth == 0 and self.respelt is None:
+                    self.respelt = _written(arguments)
                 await self._try(arguments)
             except InvalidRequest as other:
                 deeper = await self._mended(other, following.arguments, depth + 1)

@@ -190,6 +190,16 @@ async def test_proposals_that_take_too_long_are_not_made(client: Client, monkeyp
     assert call["tool"] == "describe_scenario"
 
 
+async def test_a_corrected_name_is_proposed_even_if_there_is_no_time_to_try_it(
+    client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(proposals, "TRYING_S", 0.0)
+    edit = {"op": "set_behaviour", "vehicles": ["31"], "params": ["siggma=0.5"]}
+    _, call = await refused(client, "modify_scenario", {"scenario_id": SCENARIO, "edits": [edit]})
+    assert call is not None
+    assert call["arguments"]["edits"][0]["params"] == ["sigma=0.5"]
+
+
 async def test_a_chosen_vehicle_is_in_the_proposed_call(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
     async def chosen(_refusal: Any, arguments: Any, _call: Any) -> Any:
         edits = [edit.model_copy(update={"vehicles": ["32"]}) for edit in arguments.edits]

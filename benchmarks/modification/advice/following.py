@@ -11,10 +11,15 @@ from dataclasses import dataclass
 from typing import Any
 
 _NEXT = re.compile(r"(?:^|\s)Next: (.+)$", re.DOTALL)
-_AGAIN = re.compile(r"call again with (\{.*)", re.DOTALL)
-_CHANGED = re.compile(r"call again with the same arguments but (.+)", re.DOTALL)
-_OTHER = re.compile(r"call ([a-z_]+)(?: with (\{.*))?", re.DOTALL)
-_PART = re.compile(r"(?:without ([\w\[\].]+)|([\w\[\].]+)=)")
+_VALID = re.compile(r"\sValid: (.+?)\.? Next: ", re.DOTALL)
+_CALL = re.compile(
+    r"call again with the same arguments, but (?P<changed>.+)"
+    r"|call again with (?P<again>\{.*)"
+    r"|call (?P<tool>render|[a-z]+_[a-z_]+)(?: with (?P<arguments>\{.*))?(?: without (?P<dropped>\w+))?",
+    re.DOTALL,
+)
+_WORD = re.compile(r"'([^']+)'|“([^”]+)”|\b(\d{2,})\b")
+_PART = re.compile(r"(?:, | and )?(?P<kind>without |with )?(?P<path>[\w\[\]]+(?:\.[\w\[\]]+)*)")
 
 
 @dataclass(frozen=True)
@@ -26,22 +31,44 @@ class Suggested:
 
 
 def first_suggestion(text: str, tool: str, arguments: Mapping[str, Any]) -> Suggested | None:
-    """Return the first call that a refusal suggests, or None if its text holds no call that can be made as it is."""
+    """Return the first call that a refusal suggests, or None if its text suggests no call that can be made as it is.
+
+    If it has no call but lists valid values, the first of these replaces the value that the refusal quotes.
+    """
     found = _NEXT.search(text)
     if found is None:
         return None
-    step = found[1]
-    if (changed := _CHANGED.match(step)) is not None:
-        parts = _with_parts(changed[1], arguments)
+    call = _CALL.search(found[1])
+    if call is None:
+        replaced = _with_first_valid(text, arguments)
+        return None if replaced is None else Suggested(tool, replaced)
+    if call["changed"]:
+        parts = _with_parts(call["changed"], arguments)
         return None if parts is None else Suggested(tool, parts)
-    if (again := _AGAIN.match(step)) is not None:
-        value = _leading_object(again[1])
+    if call["again"]:
+        value = _leading_object(call["again"])
         return None if value is None else Suggested(tool, value)
-    other = _OTHER.match(step)
-    if other is None or (other[1] != "render" and "_" not in other[1]):
+    if call["dropped"]:
+        return Suggested(call["tool"], {name: value for name, value in arguments.items() if name != call["dropped"]})
+    value = _leading_object(call["arguments"]) if call["arguments"] else {}
+    return None if value is None else Suggested(call["tool"], value)
+
+
+def _with_first_valid(text: str, arguments: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the arguments with the value that a refusal quotes replaced by its first valid value, or None."""
+    valid = _VALID.search(text)
+    if valid is None:
         return None
-    value = _leading_object(other[2]) if other[2] else {}
-    return None if value is None else Suggested(other[1], value)
+    first = valid[1].split(", ")[0].strip("“”'")
+    for words in _WORD.findall(text[: valid.start()]):
+        word = next(filter(None, words))
+        written = json.dumps(dict(arguments), ensure_ascii=False)
+        pattern = rf"(?<![\w-]){re.escape(json.dumps(word, ensure_ascii=False)[1:-1])}(?![\w-])"
+        replaced, count = re.subn(pattern, lambda _: json.dumps(first, ensure_ascii=False)[1:-1], written, count=1)
+        if count:
+            value: dict[str, Any] = json.loads(replaced)
+            return value
+    return None
 
 
 def _leading_object(text: str) -> dict[str, Any] | None:
@@ -53,24 +80,23 @@ def _leading_object(text: str) -> dict[str, Any] | None:
 
 
 def _with_parts(text: str, arguments: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the arguments with ``edits[0].preset="eco", without edits[0].lane`` applied; None for another text."""
+    """Return the arguments with ``without edits[0].lane and with seed=3`` applied, or None for another text."""
     changed, position = copy.deepcopy(dict(arguments)), 0
+    is_removed = False
     while (part := _PART.match(text, position)) is not None:
         position, value = part.end(), None
-        if part[2]:
+        is_removed = part["kind"].strip() == "without" if part["kind"] else is_removed
+        if not is_removed:
             try:
-                value, position = json.JSONDecoder().raw_decode(text, position)
+                value, position = json.JSONDecoder().raw_decode(text, position + 1)
             except ValueError:
                 return None
-        *holders, last = [int(one) if one.isdigit() else one for one in re.findall(r"\w+", part[1] or part[2])]
+        *holders, last = [int(one) if one.isdigit() else one for one in re.findall(r"\w+", part["path"])]
         holder: Any = changed
         for one in holders:
             holder = holder[one]
-        if part[1]:
+        if is_removed:
             holder.pop(last, None)
         else:
             holder[last] = value
-        if text[position : position + 2] != ", ":
-            break
-        position += 2
-    return changed
+    return changed if position else None
