@@ -23,7 +23,7 @@ from ..commonroad import Track, set_friction, without_scripts
 from ..geometry import oriented_rectangle, point_at
 from ..scene import Scene
 from ..vehicles import GRAVITY_MPS2
-from .changes import Changes
+from .changes import Changes, listed
 from .placement import first_place
 from .references import target_lanelets
 from .writing import set_step
@@ -436,15 +436,19 @@ def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
                 changed.append(int(ref or 0))
     cycle = ", ".join(f"{colour} {steps * scene.step_s:g} s" for steps, colour in phases)
     new = f"added a light to lanelet {', '.join(map(str, lit_now))}; " if lit_now else ""
+    inside = [key for key in lanelets if scene.layout.paths_through.get(key)]
+    are = "lanelet {} is" if len(inside) == 1 else "lanelets {} are"
+    why = are.format(listed(tuple(inside))) + " inside a junction, so vehicles stop at its entry"
+    there = f"; {why}" if inside else ""
     shown = sorted(set(changed))
     who = f"light {shown[0]} repeats" if len(shown) == 1 else f"lights {', '.join(map(str, shown))} repeat"
     if len({colour for _, colour in phases}) == 1:
         who = f"light {shown[0]} is" if len(shown) == 1 else f"lights {', '.join(map(str, shown))} are"
         return (
             f"{new}{who} {phases[0][1]} throughout, because the cycle has no other colour; add a phase such as "
-            f"{'red' if phases[0][1] == 'green' else 'green'}=20 to change it"
+            f"{'red' if phases[0][1] == 'green' else 'green'}=20 to change it{there}"
         )
-    return f"{new}{who} this cycle from 0 s on: {cycle}"
+    return f"{new}{who} this cycle from 0 s on: {cycle}{there}"
 
 
 def _phase(text: str, step_s: float) -> tuple[int, str]:

@@ -367,7 +367,10 @@ class _Signalling:
 
     @classmethod
     def of(cls, signals: tuple[Signal, ...], layout: NetLayout, links: Mapping[int, Link]) -> "_Signalling":
-        """Assign every path its light: if there are several, the light for the fewest directions."""
+        """Assign every path its light: if there are several, the light for the fewest directions.
+
+        A light inside a junction applies at the entry of its paths, because SUMO's vehicles stop only there.
+        """
         standing: dict[int, list[Signal]] = {}
         for signal in signals:
             for key in signal.lanelets:
@@ -376,7 +379,9 @@ class _Signalling:
         taken: dict[int, int] = {}
         for index, path in enumerate(layout.paths):
             turn = links[index].direction if path.through else _direction_letter(layout.table.lanes[path.exit].center)
-            holding = [signal for signal in standing.get(path.entry, ()) if turn in signal.turns]
+            at_each = (standing.get(key, ()) for key in (path.entry, *path.through))
+            applying = ([signal for signal in there if turn in signal.turns] for there in at_each)
+            holding = next(filter(None, applying), None)
             if holding:
                 light = min(holding, key=lambda signal: (len(signal.turns), signal.key))
                 places[index] = light, taken.get(light.key, 0)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.builders import driving, town_road
+from support.builders import crossing, driving, town_road
 from support.edits import Apply, schema_errors
 
 from plannerforge.engine.commonroad.reader import read_scenario
@@ -69,6 +69,13 @@ def test_a_light_gets_other_phases_and_a_vehicle_at_red_stops(apply: Apply) -> N
     applied = apply({"op": "set_light", "to": ["1", "2"], "params": ["red=60", "green=20"]}, builder=coming)
     assert applied.tracks()[35].front_at(100)[0] < 200.5
     assert applied.outcome.handed_over == (35,)
+
+
+def test_vehicles_stop_at_the_entry_of_a_junction_for_a_light_inside_it(apply: Apply) -> None:
+    coming = crossing().with_vehicles(driving(35, (-55, 0), 8.0, 101))
+    applied = apply({"op": "set_light", "to": ["2"], "params": ["red=60", "green=20"]}, builder=coming)
+    assert applied.tracks()[35].front_at(100)[0] < -9.0
+    assert "lanelet 2 is inside a junction" in applied.outcome.edits[0].what
 
 
 def test_a_vehicle_that_is_to_run_a_red_light_crosses_at_red(apply: Apply) -> None:
