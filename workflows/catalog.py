@@ -3,6 +3,7 @@
 import hashlib
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import islice
 
 from ..engine.catalog import (
@@ -104,23 +105,40 @@ async def _odd_coverage(text: str, within: frozenset[str] | None, context: Workf
 
 
 def _within(word: str, context: WorkflowContext) -> frozenset[str]:
-    """Return the scenarios of a search, a coverage plan, a country or a place; the set may be empty.
+    """Return the scenarios of a search, a coverage plan, countries or places; the set may be empty.
 
     Raises:
-        UnknownName: there is no such search or plan.
+        UnknownName: there is no such search or plan, or an excluded place has neither scenarios nor maps.
     """
     if _is_search(word):
         return frozenset(searched_within(word, context) or ())
-    where = {"country": word} if _country_in(word)[0] else {"city": word}
+    area = _Area.of(word)
+    for place in area.parts if area.excludes and not area.codes else ():
+        if not _within(place, context) and not _maps_within(place, context):
+            raise _unknown_place(place, context)
+    where = {"country": word} if area.codes else {"city": word}
     search = opened_search(FindScenariosArguments(**where), context)
     entries = entries_of(context.workspace.database.connection(), search.funnel.matches)
     return frozenset(entry.scenario_id for entry in entries)
 
 
-def _country_in(word: str) -> tuple[str | None, bool]:
-    """Return the country that a word names, or None, and whether a leading ``!`` excludes it."""
-    body = word.strip()
-    return country_code(body.removeprefix("!")), body.startswith("!")
+@dataclass(frozen=True)
+class _Area:
+    """The countries or places of a text, between ``|``. ``codes``: their codes if all are countries, otherwise empty.
+
+    ``excludes``: everywhere else is meant, because of a leading ``!``.
+    """
+
+    parts: tuple[str, ...]
+    codes: tuple[str, ...]
+    excludes: bool
+
+    @classmethod
+    def of(cls, word: str) -> "_Area":
+        body = word.strip()
+        parts = tuple(part.strip() for part in body.removeprefix("!").split("|"))
+        codes = tuple(code for part in parts if (code := country_code(part)) is not None)
+        return cls(parts, codes if len(codes) == len(parts) else (), body.startswith("!"))
 
 
 def _other_facets(
@@ -132,19 +150,21 @@ def _other_facets(
 
 
 def _maps_within(word: str | None, context: WorkflowContext) -> tuple[MapFacts, ...]:
-    """Return the maps of a country or place, or of the places of a search, by country; all maps if no word is given."""
+    """Return the maps of countries or places, or of a search's countries, by country; all maps if no word is given."""
     known = [entry.facts for entry in inventory_of_read_maps(context).entries]
-    code, excludes = _country_in(word or "")
     if word is None:
         found = known
     elif _is_search(word):
         ids = searched_within(word, context) or ()
         countries = {each.partition("_")[0] for each in ids}
         found = [facts for facts in known if facts.country in countries]
-    elif code is not None:
-        found = [facts for facts in known if (code == facts.country or code in facts.countries_near) is not excludes]
     else:
-        found = _showing(word, context)
+        area = _Area.of(word)
+        if area.codes:
+            shown = {f.map_id for f in known if not {f.country, *f.countries_near}.isdisjoint(area.codes)}
+        else:
+            shown = {facts.map_id for part in area.parts for facts in _showing(part, context)}
+        found = [facts for facts in known if (facts.map_id in shown) is not area.excludes]
     return tuple(
         sorted(found, key=lambda facts: (facts.country is None, facts.country or "", facts.place, facts.map_id))
     )

@@ -114,3 +114,31 @@ async def test_a_place_without_scenarios_and_maps_is_refused(call: WorkflowConte
     with pytest.raises(UnknownName, match="no scenario, map or search matches 'Vigoo'") as refused:
         await asked(call, within="Vigoo")
     assert "“Vigo”" in refused.value.valid
+
+
+@pytest.mark.parametrize("within", ["!Atlantis", "!Vigo|Atlantis", "!XX"])
+async def test_a_place_that_would_exclude_nothing_is_refused(call: WorkflowContext, within: str) -> None:
+    with pytest.raises(UnknownName) as refused:
+        await asked(call, within=within)
+    assert refused.value.message.endswith(f"'{within.removeprefix('!').rpartition('|')[2]}'")
+
+
+@pytest.mark.parametrize(
+    ("within", "scenarios", "maps"),
+    [
+        ("!Vigo", 1, {"Munich", "Somewhere"}),
+        ("!Bonn", 0, {"Munich", "Vigo", "Somewhere"}),
+        ("!Munich|Vigo", 1, {"Somewhere"}),
+        ("!ESP", 1, {"Munich", "Somewhere"}),
+        ("!Spain|DEU", 0, {"Somewhere"}),
+        ("ESP|DEU", 1, {"Munich", "Vigo"}),
+        ("!FJI", 1, {"Munich", "Vigo", "Somewhere"}),
+    ],
+)
+async def test_everything_outside_the_excluded_places_is_counted(
+    call: WorkflowContext, within: str, scenarios: int, maps: set[str]
+) -> None:
+    found = await asked(call, within=within)
+    assert found.scenarios == scenarios
+    listed = {line for land in found.maps if land.country != "ZAM" for line in land.listed}
+    assert {name for name in ("Munich", "Vigo", "Somewhere") if any(f"“{name}”" in line for line in listed)} == maps
