@@ -67,6 +67,26 @@ class SiteWays:
             for edge, leading in self._before.items()
             if edge not in self.inside and (leading & ring if ring else net.edges[edge].from_junction in junctions)
         )
+        loops = frozenset(edge for exit_ in self.exits for edge in self._loop_of(exit_))
+        self.entries, self.exits = self.entries - loops, self.exits - loops
+
+    def _loop_of(self, exit_: str) -> tuple[str, ...]:
+        """Return the edges that lead from an exit straight back to the site within one diameter; empty for other exits.
+
+        They remain of two carriageways if the map ends where these come together, so they are no arm. A street that
+        ends there, with one edge for each direction, is an arm.
+        """
+        onward = {exit_} if exit_ in self.entries else self._after.get(exit_, set())
+        begins, ends = self._net.edges[exit_].from_junction, self._net.edges[exit_].to_junction
+        if len(onward) != 1 or not onward <= self.entries:
+            return ()
+        loop = tuple(dict.fromkeys((exit_, *onward)))
+        if len(loop) > 1 and (begins, ends) == (
+            self._net.edges[loop[1]].to_junction,
+            self._net.edges[loop[1]].from_junction,
+        ):
+            return ()
+        return loop if sum(float(arc_length(self._line(edge))[-1]) for edge in loop) <= 2 * self.diameter_m else ()
 
     @cached_property
     def diameter_m(self) -> float:
@@ -85,8 +105,37 @@ class SiteWays:
         """
         turned_rad = self.turned_rad(entry, exit_)
         if turn_of(turned_rad) == "u_turn" and self._arms.get(entry, exit_) != exit_:
-            return "left" if turned_rad > 0 else "right"
+            return "left" if self._leads_left(entry, exit_) else "right"
         return turn_of(turned_rad)
+
+    def _leads_left(self, entry: str, exit_: str) -> bool:
+        """Return whether a way between two arms with nearly the same direction turns left.
+
+        At a ring, the angle between the arms may then have either sign: the way turns left if it follows most of a ring
+        that turns left, or the smaller part of one that turns right.
+        """
+        begins, ends = self._net.edges[entry].to_junction, self._net.edges[exit_].from_junction
+        around = self._once_around(begins)
+        lines = [self._line(edge) for edge in around]
+        lengths = [float(arc_length(line)[-1]) for line in lines]
+        passed = [
+            sum(lengths[:number]) for number, edge in enumerate(around) if self._net.edges[edge].from_junction == ends
+        ]
+        if not passed:
+            return self.turned_rad(entry, exit_) > 0
+        steps = np.diff(without_repeats(np.concatenate(lines)), axis=0)
+        headings = np.arctan2(steps[:, 1], steps[:, 0])
+        is_leftwards = sum(wrap_angle(float(one)) for one in np.diff(headings)) > 0
+        return (passed[0] > sum(lengths) / 2) == is_leftwards
+
+    def _once_around(self, junction: str) -> list[str]:
+        """Return the edges of the ring in the direction of travel, from a junction back to it; empty without a ring."""
+        onward = {self._net.edges[edge].from_junction: edge for edge in sorted(self._ring)}
+        around: list[str] = []
+        while junction in onward and len(around) < len(self._ring):
+            around.append(onward[junction])
+            junction = self._net.edges[onward[junction]].to_junction
+        return around
 
     def turned_rad(self, entry: str, exit_: str) -> float:
         """Return the angle from the direction of an entry's arm to that of an exit's arm, left positive."""

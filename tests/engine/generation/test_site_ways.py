@@ -71,6 +71,56 @@ def test_ways_round_a_ring_of_any_size_have_the_turn_of_their_arms(
     assert turns == {"left": 4, "right": 4, "straight": 4, "u_turn": 4}
 
 
+@pytest.mark.parametrize(("aside_deg", "is_near"), [(8.0, True), (-8.0, False)])
+def test_a_way_to_an_arm_beside_its_own_turns_by_its_path_around_the_ring(
+    tmp_path: Path, aside_deg: float, is_near: bool
+) -> None:
+    """Two roads come from nearly the same direction; the next exit is to the right, the one before it to the left."""
+    sketch = Sketch("Town", 50.0, 8.0)
+    ring = circle(20.0, [float(one) for one in range(0, 360, 15)])
+    sketch.road([*ring, ring[0]], "secondary", "Ring", junction="roundabout")
+    for name, leaves_deg, ends_deg in (
+        ("Asked", 180.0, 180.0),
+        ("Beside", 180.0 + math.copysign(45.0, aside_deg), 180.0 + aside_deg),
+    ):
+        near, far = circle(20.0, [leaves_deg])[0], circle(45.0, [ends_deg])[0]
+        sketch.road([near, far, *circle(250.0, [ends_deg])], "secondary", name)
+    sketch.road([*circle(20.0, [0.0]), *circle(250.0, [0.0])], "secondary", "East Road")
+    request = request_in(tmp_path, sketch, scenario_type="roundabout")
+    osm = read_osm(tmp_path / "map.osm")
+    (site,) = fitting_sites(osm, request)
+    built = prepare_site(request, osm, site, tmp_path, silent)
+    assert built.focus.ways is not None
+    edges = built.net.edges
+    (turn,) = (
+        turn
+        for turn, way in built.focus.ways.through(OpenEdges.of(built.net, "passenger"))
+        if (edges[way[0]].name, edges[way[-1]].name) == ("Asked", "Beside")
+    )
+    assert turn == ("right" if is_near else "left")
+
+
+@pytest.mark.parametrize("ends", [[(2.0, 30.0), (0.0, 45.0)], [(14.0, 45.0), (-8.0, 45.0)]])
+def test_a_road_that_ends_with_the_map_where_its_carriageways_meet_is_no_arm(
+    tmp_path: Path, ends: list[tuple[float, float]]
+) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    ring = circle(20.0, [float(one) for one in range(0, 360, 15)])
+    sketch.road([*ring, ring[0]], "secondary", "Ring", junction="roundabout")
+    sketch.road([*circle(20.0, [60.0]), *ends], "secondary", "North Road", oneway="yes")
+    sketch.road([ends[-1], *circle(20.0, [120.0])], "secondary", "North Road", oneway="yes")
+    for name, arm in (("East Road", 0.0), ("West Road", 180.0)):
+        sketch.road([*circle(20.0, [arm]), *circle(250.0, [arm])], "secondary", name)
+    request = request_in(tmp_path, sketch, scenario_type="roundabout")
+    osm = read_osm(tmp_path / "map.osm")
+    (site,) = fitting_sites(osm, request)
+    built = prepare_site(request, osm, site, tmp_path, silent)
+    assert built.focus.ways is not None
+    ways = list(built.focus.ways.through(OpenEdges.of(built.net, "passenger")))
+    assert {turn for turn, _ in ways} == {"straight", "u_turn"}
+    assert {built.net.edges[way[end]].name for _, way in ways for end in (0, -1)} == {"East Road", "West Road"}
+
+
 def two_crossings(between_m: float) -> Sketch:
     """A main street with two side streets that cross it close together."""
     sketch = Sketch("Town", 50.0, 8.0)
