@@ -39,6 +39,7 @@ from .naming.spellings import (
     distinctive,
     ends_in_section,
     has_same_numbers,
+    has_words_of,
     initials_of_network,
     is_class_of_roads,
     is_joined_by_particle,
@@ -47,6 +48,7 @@ from .naming.spellings import (
     is_section,
     kinds_of_road,
     names_a_street,
+    proclitics_of,
     road_keys,
     road_readings,
     route_number,
@@ -202,7 +204,7 @@ class MapMatch:
     ``streets``: the streets, by their names on the map, that the site must be on. ``unnamed``: words of the request
     that the map does not contain, although it has the street next to them. ``area``: the requested part of the map;
     None means all of it. ``understood``: a sentence for each interpretation of words that differ from the names on the
-    map.
+    map. ``longer``: for each of several streets, other streets with longer names that contain its words.
     """
 
     entry: MapEntry
@@ -210,6 +212,7 @@ class MapMatch:
     unnamed: tuple[str, ...] = ()
     area: PlaceArea | None = None
     understood: tuple[str, ...] = ()
+    longer: tuple[tuple[str, ...], ...] = ()
 
     @property
     def widened(self) -> "MapMatch | None":
@@ -753,6 +756,7 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
                 or _read_crossing(part, facts, closeness)
                 or _read_together(part, facts, closeness)
                 or _read_roads_in_a_phrase(part, facts, closeness)
+                or _read_after_proclitic(part, facts, closeness)
                 or (_read_with_postcode(part, facts, closeness) if part != listed[0] else None)
             )
             if found is None and country_code(part) not in (None, *_countries(facts)) and len(part) > 3:
@@ -773,7 +777,38 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
     known = reading.named or (not facts.places and country in _countries(facts))
     if reading.unnamed and not (reading.streets and known):
         return None
-    return MapMatch(entry, reading.streets, reading.unnamed, reading.area, reading.understood)
+    longer = _longer_names(reading, facts)
+    return MapMatch(entry, reading.streets, reading.unnamed, reading.area, reading.understood, longer)
+
+
+def _longer_names(reading: "_Reading", facts: MapFacts) -> tuple[tuple[str, ...], ...]:
+    """Return the roads with longer names for each of several roads in a reading; empty if there are none.
+
+    People shorten the names of the roads of a crossing, and a short form may be the whole name of another road
+    (``Olmedo`` for ``José Olmedo``). Which of them is meant is known only where the roads meet.
+    """
+    if len(reading.streets) < 2:
+        return ()
+    found = frozenset(name for roads in reading.streets for name in roads)
+    longer = tuple(_roads_with(part, found, facts) for part in reading.typed)
+    return longer if any(longer) else ()
+
+
+def _roads_with(part: str, found: frozenset[str], facts: MapFacts) -> tuple[str, ...]:
+    """Return the roads, except those found, that have all words of a name; a number allows only a kind or direction."""
+    asked = [words for words in road_readings(part) if distinctive(words)]
+    numbers = {distinctive(words) for words in asked if all(map(str.isdecimal, distinctive(words)))}
+    index = _road_index((*facts.streets, *facts.refs), facts.road_names)
+    return tuple(
+        name
+        for name, spellings in index.spellings.items()
+        if name not in found
+        and any(
+            has_words_of(held, words) and (not numbers or distinctive(held) in numbers)
+            for words in asked
+            for held in _all_readings(spellings)
+        )
+    )
 
 
 def _is_a_crossing(part: str) -> bool:
@@ -834,6 +869,7 @@ class _Reading:
     """The meaning of a text on a map.
 
     ``placed``: the text refers to the map's place or a part of it. ``around``: it refers to the map's state or country.
+    ``typed``: the words that were read as each of the streets.
     """
 
     streets: tuple[tuple[str, ...], ...] = ()
@@ -842,6 +878,7 @@ class _Reading:
     understood: tuple[str, ...] = ()
     placed: bool = False
     around: bool = False
+    typed: tuple[str, ...] = ()
 
     @property
     def named(self) -> bool:
@@ -857,6 +894,7 @@ class _Reading:
             self.understood + other.understood,
             self.placed or other.placed,
             self.around or other.around,
+            self.typed + other.typed,
         )
 
 
@@ -1193,7 +1231,7 @@ def _as_roads(part: str, roads: tuple[str, ...]) -> _Reading:
     exact = {fold(name) for name in roads} == {fold(part)}
     more = f" and {len(roads) - _SHOWN_ROADS} more" * (len(roads) > _SHOWN_ROADS)
     taken = f"{part!r} is read as {cited_all(roads[:_SHOWN_ROADS], ' or ')}{more}"
-    return _Reading(streets=(roads,), understood=() if exact else (taken,))
+    return _Reading(streets=(roads,), understood=() if exact else (taken,), typed=(part,))
 
 
 def _read_crossing(text: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:
@@ -1301,17 +1339,34 @@ def _read_roads_in_a_phrase(text: str, facts: MapFacts, closeness: Closeness) ->
     """Read the text as two roads of the map in a phrase of any language (``cruce de A con B``, ``A ja B kulma``).
 
     The text must have the whole name of each road, with up to three words before the names and up to two between and
-    after them. These words may not look like names: only the first may have a capital letter. If no names fit, the
-    roads' names in other grammatical forms do (``угол Северной и Новороссийской``).
+    after them. These words may not look like names: only the first may have a capital letter. A word between the names
+    may be written together with the second one (``פינת הרצל ואלנבי``). If no names fit, the roads' names in other
+    grammatical forms do (``угол Северной и Новороссийской``).
     """
     words = _CROSSING_SIGNS.sub(lambda sign: f" {sign[0]} ", text).split()
-    if not 3 <= len(words) <= _MOST_WORDS:
+    if len(words) > _MOST_WORDS:
         return None
+    phrases = [words, *([*words[:index], *pair, *words[index + 1 :]] for index, pair in _proclitics_in(words))]
     readers = (partial(_read_road, whole=True), _read_inflected)
     for read in readers[: 2 if closeness >= Closeness.HEARD else 1]:
-        for first, second in _two_roads(words):
+        for first, second in (pair for phrase in phrases for pair in _two_roads(phrase)):
             if (one := read(first, facts)) is not None and (other := read(second, facts)) is not None:
                 return one + other
+    return None
+
+
+def _proclitics_in(words: Sequence[str]) -> Iterator[tuple[int, tuple[str, str]]]:
+    """Yield the ways to split a word into short words and a longer one, with the position of the word."""
+    return ((index, pair) for index, word in enumerate(words) for pair in proclitics_of(word))
+
+
+def _read_after_proclitic(part: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:
+    """Read the text as a place or road with a preposition that is written together with it (``ברחוב הרצל``)."""
+    words = part.split()
+    for _, rest in proclitics_of(words[0]) if words else ():
+        name = " ".join((rest, *words[1:]))
+        if (found := _read_part(name, facts, min(closeness, Closeness.HEARD))) is not None:
+            return replace(found, understood=found.understood or (f"{part!r} is read as {cited(name)}",))
     return None
 
 

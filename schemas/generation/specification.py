@@ -401,7 +401,8 @@ class GenerationRequest(ScenarioSpec):
     After ``most_sites`` sites without a scenario, the request is refused. After ``most_rounds`` rounds of traffic, the
     best scenario is used, with its faults in the notes. None means the generator's limits.
 
-    ``streets`` lists, for every road that the site must have, its names or numbers on the map.
+    ``streets`` lists, for every road that the site must have, its names or numbers on the map. ``longer_streets`` lists
+    for each of them the roads that count instead if the ``streets`` do not meet.
     """
 
     map_path: str
@@ -410,6 +411,7 @@ class GenerationRequest(ScenarioSpec):
     country: str | None
     attribution: str
     streets: tuple[tuple[str, ...], ...] = ()
+    longer_streets: tuple[tuple[str, ...], ...] = Field((), exclude_if=lambda streets: not streets)
     index: int = 0
     site_index: int = 0
     site_step: int = 1

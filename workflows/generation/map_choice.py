@@ -259,6 +259,7 @@ def request_for(spec: GenerationSpec, site: AssignedSite, index: int) -> Generat
         country=facts.country or spec.country_code,
         attribution=facts.attribution,
         streets=site.match.streets,
+        longer_streets=site.match.longer,
         index=index,
         site_index=site.site_index,
         site_step=site.site_step,

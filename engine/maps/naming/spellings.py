@@ -51,6 +51,12 @@ gardens: gardens gdns
 close: close cl
 mount: mount mt
 fort: fort ft
+street: רחוב شارع نهج خیابان ქუჩა փողոց
+boulevard: שדרות שדרה بلوار
+road: דרך طريق
+avenue: جادة გამზირი պողոտա
+square: כיכר ככר ميدان ساحة میدان
+alley: סמטה סמטת زقاق زنقة کوچه
 and: and und et y
 north: north n bei severnaya severnyy
 south: south s sur nan yuzhnaya yuzhnyy
@@ -174,6 +180,7 @@ _LETTERED = {
     "kreisstr": "k",
 }
 """OSM's ``ref`` letters for a class of roads, by the words that people use for them."""
+_HYPHENS = "-\u2010\u2011\u2013\u05be"
 _JOINED_NUMBER = re.compile(r"^([^\W\d_]{2,3})(\d+)$")
 _ELIDED = re.compile(r"\b(?:d|l|s|dell|dall|all|nell|sull)['’](?=\w)", re.IGNORECASE)
 """Articles and prepositions before a vowel, in Catalan, French and Italian: ``Port d'Envalira``. They are libpostal's
@@ -186,6 +193,12 @@ _ROMAN_ORDINAL = re.compile(r"(?P<number>[ivx]+)(?:er|ere|re|e|eme)")
 """French ordinals with a Roman number (``Ier``)."""
 _ORDINAL_MARK = re.compile(r"(?<=\d)(?:\s*\.?[ºª°]|-[\u0400-\u04ff]{1,3}\b)")
 """What stands behind the digits of an ordinal in Romance languages and, with a hyphen, in Cyrillic (``1-я``)."""
+_PROCLITICS = re.compile(r"[\u05d5\u05d4\u05d1\u05db\u05dc\u05de\u05e9]|\u0627\u0644|[\u0648\u0641\u0628\u0643\u0644]")
+"""Words of one or two letters that Hebrew and Arabic write as part of the next word, all of them: *and*, *the*, *in*,
+*as*, *to*, *from*, *that* (ו ה ב כ ל מ ש); *the*, *and*, *then*, *in*, *as*, *to* (ال و ف ب ك ل).
+"""
+_MOST_PROCLITICS, _SHORTEST_AFTER = 2, 2
+"""Maximum number of such words before one word, and minimum letters of the rest (chosen): a letter alone is no name."""
 _SHORTEST_VOWELLESS = 4
 """Minimum letters of a word without vowels that has a meaning: ``عبد`` (bd) is no boulevard (chosen)."""
 _SHORTEST_NUMBER = 3
@@ -216,6 +229,12 @@ def _endings() -> dict[str, str]:
         kinds = [word for word in _meanings().get(kind, ()) if word in _KINDS]
         meant |= {spelling: kinds[0] for spelling in spellings if len(kinds) == 1}
     return dict(sorted(meant.items(), key=lambda pair: (-len(pair[0]), pair[0])))
+
+
+@cache
+def _own_words() -> frozenset[str]:
+    """Return the spellings in our own list, in their own scripts."""
+    return frozenset(word for line in _SAME_WORDS.strip().splitlines() for word in line.partition(": ")[2].split())
 
 
 @cache
@@ -308,7 +327,7 @@ def road_readings(name: str) -> frozenset[frozenset[str]]:
         [(value,) for value in values]
         if values
         else [(word,)]
-        if len(word) < _SHORTEST_VOWELLESS and VOWELLESS.search(written[word])
+        if len(word) < _SHORTEST_VOWELLESS and VOWELLESS.search(written[word]) and written[word] not in _own_words()
         else list(_word_readings(word))
         for word, values in _as_numbers([word for word in map(latin, _split(name)) if word])
     ]
@@ -386,6 +405,11 @@ def without_kinds(words: frozenset[str]) -> frozenset[str]:
     return words - _KINDS - _PARTICLES
 
 
+def has_words_of(held: frozenset[str], words: frozenset[str]) -> bool:
+    """Return whether a reading has all words of another one; a reading without any kind of road may lack the kind."""
+    return words <= held or (held.isdisjoint(_KINDS) and words - _KINDS <= held)
+
+
 def is_only_a_kind(name: str) -> bool:
     """Return True for words that only say what kind of road it is (``Avenue``, ``rue de la``)."""
     readings = road_readings(name)
@@ -424,6 +448,22 @@ def names_a_street(name: str) -> bool:
         return True
     readings = road_readings(name)
     return bool(readings) and all(reading & (_KINDS - _OPEN_PLACES) for reading in readings)
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def proclitics_of(word: str) -> tuple[tuple[str, str], ...]:
+    """Return the ways to read a word as short words that are written together with a longer one (``ואלנבי``: ``ו``,
+    ``אלנבי``), perhaps with a hyphen between them; the word itself may begin with these letters.
+    """
+    found: list[tuple[str, str]] = []
+    rest = word
+    for _ in range(_MOST_PROCLITICS):
+        short = _PROCLITICS.match(rest)
+        rest = "" if short is None else rest[short.end() :].lstrip(_HYPHENS)
+        if sum(map(str.isalnum, rest)) < _SHORTEST_AFTER:
+            break
+        found.append((word[: len(word) - len(rest)].rstrip(_HYPHENS), rest))
+    return tuple(found)
 
 
 def words_of_name(name: str) -> tuple[str, ...]:

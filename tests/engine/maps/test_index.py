@@ -187,6 +187,65 @@ def test_the_roads_of_a_crossing_may_be_in_another_grammatical_form(place: str, 
     assert crossed(place, *streets, "Other Road") == tuple((name,) for name in streets)
 
 
+HEBREW = ("הרצל", "דוד המלך", "העצמאות", "וייצמן")
+ARABIC = ("شارع النصر", "الملك فيصل", "شارع الوحدة")
+
+
+@pytest.mark.parametrize(
+    ("place", "streets"),
+    [
+        ("פינת הרצל ודוד המלך", ("הרצל", "דוד המלך")),
+        ("הרצל ו-וייצמן", ("הרצל", "וייצמן")),
+        ("בין העצמאות ל\u05beהרצל", ("העצמאות", "הרצל")),
+        ("רחוב הרצל ורחוב העצמאות", ("הרצל", "העצמאות")),
+        ("تقاطع شارع النصر والملك فيصل", ("شارع النصر", "الملك فيصل")),
+        ("شارع النصر وشارع الوحدة", ("شارع النصر", "شارع الوحدة")),
+    ],
+)
+def test_a_word_between_two_roads_may_be_written_together_with_the_second_one(
+    place: str, streets: tuple[str, str]
+) -> None:
+    assert crossed(place, *HEBREW, *ARABIC) == tuple((name,) for name in streets)
+
+
+@pytest.mark.parametrize("place", ["ברחוב הרצל", "בהרצל", "רחוב הרצל"])
+def test_a_road_may_have_a_preposition_or_a_kind_of_road_in_front(place: str) -> None:
+    assert crossed(place, *HEBREW) == (("הרצל",),)
+
+
+def test_letters_of_a_name_are_not_read_as_a_word_before_it() -> None:
+    assert crossed("וייצמן", *HEBREW) == (("וייצמן",),)
+    for place in ("פינת הרצל ובן גוריון", "שהרצליה", "شارع النصر وشارع البحر"):
+        with pytest.raises(UnknownName):
+            crossed(place, *HEBREW, *ARABIC)
+
+
+@pytest.mark.parametrize(
+    ("place", "longer"),
+    [
+        ("Bolívar / Sucre", (("Simón Bolívar", "Paseo Simón Bolívar"), ("Antonio José de Sucre",))),
+        ("Calle Sucre / Mill Road", (("Antonio José de Sucre",), ("Old Mill Road",))),
+        ("Calle 5 / Bolívar", (("Calle 5 Norte",), ("Simón Bolívar", "Paseo Simón Bolívar"))),
+        ("Bolívar", ()),
+        ("Mill Road / Old Mill Road", ()),
+    ],
+)
+def test_streets_with_longer_names_are_kept_for_streets_that_do_not_meet(
+    place: str, longer: tuple[tuple[str, ...], ...]
+) -> None:
+    short = ("Bolívar", "Sucre", "Mill Road", "Calle 5")
+    long = (
+        "Simón Bolívar",
+        "Paseo Simón Bolívar",
+        "Antonio José de Sucre",
+        "Old Mill Road",
+        "Calle 5 A",
+        "Calle 5 Norte",
+    )
+    town = nameless(place="Town", places=("Town",), streets=(*short, *long), refs=(), road_names=())
+    assert find_maps([town], place=f"{place}, Town")[0].longer == longer
+
+
 def test_another_form_of_a_name_alone_or_of_no_name_on_the_map_is_refused() -> None:
     for place in ("Северной", "угол Южной и Новороссийской", "Old Pine Street / Rose Street"):
         with pytest.raises(UnknownName):
