@@ -40,7 +40,7 @@ from .people import people_notes, target_pedestrians
 from .planning_problem import NO_TURN, PlanningTask, TaskSpec, choose_task
 from .record import absences_of, record_of, with_scripted
 from .site_network import SITE_LOST, SiteNetwork, prepare_site, with_later_lights
-from .sites import fitting_sites, lacking_turn, other_types
+from .sites import fitting_sites, lacking_turn, other_types, with_streets_that_meet
 from .traffic import NO_ROOM, TrafficAim, along_the_site, generate_traffic, without_spares
 from .turning_trips import has_ways, needed_s, possible_turns
 from .writer import STEP_S, write_scenario
@@ -83,6 +83,7 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
         report(0.0, "reading the map")
         osm = read_map_file(Path(request.map_path))
         report(0.02, "looking for sites")
+        request, taken = with_streets_that_meet(osm, request)
         sites = fitting_sites(osm, request)
         if request.site_index >= len(sites):
             raise NotPossible(
@@ -97,7 +98,7 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
             best = attempts.best(osm)
             shutil.move(best.path, Path(request.folder) / "scenario.xml")
             shutil.move(best.site.net_path, Path(request.folder) / "scenario.net.xml")
-        notes = (*ego_notes, *best.faults, *best.scenario.notes, *attempts.notes_besides(best))
+        notes = (*taken, *ego_notes, *best.faults, *best.scenario.notes, *attempts.notes_besides(best))
         if best.scenario.duration_s > request.duration_s:
             notes = (f"recorded for {best.scenario.duration_s:g} s, which the ego's turn needs at this site", *notes)
         return best.scenario.model_copy(update={"notes": notes})
@@ -455,8 +456,8 @@ def _write(
     report(0.85, "reading back and checking")
     checks = check_scenario(path, task.ego.body, site.findings)
     missed = [] if task.focus_passed else [site.focus.missed(only_car=request.ego.index is not None)]
-    if not task.takes_street:
-        missed.append(site.focus.left_the_street(only_car=request.ego.index is not None))
+    off_street = [] if task.takes_street else [site.focus.left_the_street(only_car=request.ego.index is not None)]
+    missed += off_street
     if not task.on_spot:
         missed.append(site.focus.passed_close_by(only_car=request.ego.index is not None))
     if not task.turns_clearly:
@@ -471,7 +472,9 @@ def _write(
         missed.append("the ego's lanes curve too sharply for a planner at the mean speed that the goal needs")
         if request.ego.vehicle_class != "car":
             missed[-1] += ", or leave no room for its body"
-    notes = [] if request.goal.is_through else missed  # otherwise other traffic may do better
+    # Other traffic may do better beyond the site, and on a requested street, unless the goal itself is at a place.
+    faults = missed if request.goal.is_through else off_street if request.goal.lanelet is None else []
+    notes = [text for text in missed if text not in faults]
     if task.stands_in:
         notes.append(
             f"{request.ego} has no goal {request.goal.in_words()} on its route; a later car that has one is the ego"
@@ -486,7 +489,7 @@ def _write(
     if wanted is not None and (found := found_in(path, wanted, scenario.vehicle_classes)) is not None:
         scenario = scenario.model_copy(update={"others": found.in_words()})
     is_direct = task.takes_street and task.focus_passed > 0 and task.on_spot and task.turns_clearly
-    return scenario, [] if notes else missed, request.goal.is_through and not is_direct
+    return scenario, faults, request.goal.is_through and not is_direct
 
 
 def _scripted(base: _Attempt, wanted: RequestedManoeuvre, seed: int, numbers: Iterator[int]) -> _Attempt | None:

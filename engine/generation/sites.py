@@ -6,10 +6,11 @@ before its traffic is generated. Distances in m.
 """
 
 import random
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from dataclasses import replace
 from functools import partial
-from itertools import chain, zip_longest
+from itertools import chain, combinations, zip_longest
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -18,7 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, Remedy, with_values
-from ...schemas.generation import THROUGH, TURNS_AT, GenerationRequest, SiteCount, SiteType, Turn
+from ...schemas.generation import (
+    THROUGH,
+    TURNS_AT,
+    USUAL_GOAL,
+    GenerationRequest,
+    RequestedGoal,
+    SiteCount,
+    SiteType,
+    Turn,
+)
 from ...schemas.text import cited, cited_all
 from ..execution import ProgressReporter
 from ..geometry import Points, length_m
@@ -29,6 +39,7 @@ from ..maps import (
     FAST_ROADS,
     LINKS,
     LONGEST_RING_M,
+    MARKED_BY_NODES,
     RAMP_LINKS,
     ROADS,
     RURAL_CLASSES,
@@ -92,15 +103,57 @@ def count_sites(request: GenerationRequest, report: ProgressReporter) -> SiteCou
         NotPossible: no site fits; the error lists the types that the map has in the requested area.
     """
     report(0.0, "looking for sites")
-    return SiteCount(count=len(fitting_sites(read_map_file(Path(request.map_path)), request)))
+    osm = read_map_file(Path(request.map_path))
+    return SiteCount(count=len(fitting_sites(osm, with_streets_that_meet(osm, request)[0])))
+
+
+def with_streets_that_meet(osm: OsmMap, request: GenerationRequest) -> tuple[GenerationRequest, list[str]]:
+    """Return the request with streets that meet on the map, and a note if one of them has a longer name than requested.
+
+    The requested names come first. If their streets meet nowhere on the map, streets with longer names replace as few
+    of them as possible.
+    """
+    longer = request.longer_streets
+    if not longer or streets_meet(osm, request):
+        return request, []
+    at = _nodes_by_name(osm)
+    numbers = range(len(request.streets))
+    for changed in (some for count in numbers for some in combinations(numbers, count + 1)):
+        choices = [longer[one] if one in changed else request.streets[one] for one in numbers]
+        nodes = [{name: set[int]().union(*(at[key] for key in _keys_of(name))) for name in names} for names in choices]
+        meeting = set.intersection(*(set[int]().union(*each.values()) for each in nodes))
+        if meeting:
+            streets = tuple(tuple(name for name, held in each.items() if held & meeting) for each in nodes)
+            return request.model_copy(update={"streets": streets}), [_taken_note(request.streets, streets, changed)]
+    return request, []
+
+
+def _taken_note(
+    requested: tuple[tuple[str, ...], ...], streets: tuple[tuple[str, ...], ...], changed: tuple[int, ...]
+) -> str:
+    """Return the note on streets that were taken instead of the requested ones."""
+    apart = cited_all((names[0] for names in requested), " / ")
+    taken = (
+        f"{cited(requested[one][0])} is read as {cited_all(streets[one][:SHOWN_NAMES], ' or ')}" for one in changed
+    )
+    return f"{apart} do not meet on this map, so {' and '.join(taken)}"
+
+
+def streets_meet(osm: OsmMap, request: GenerationRequest) -> bool:
+    """Return whether the requested streets meet anywhere on the map: at a node, across a short road or at a ring."""
+    if _meet(osm, request.streets):
+        return True
+    anywhere = request.model_copy(update={"bbox": None, "road_classes": (), "goal": RequestedGoal.of(USUAL_GOAL)})
+    return _has_meeting(_fitting_of(site_finder(osm), ANY_ORDER, anywhere), anywhere)
 
 
 def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     """Return all different sites for a request, shuffled by the seed; if any type is allowed, the types take turns.
 
-    If the request has streets, sites on them come first, each narrowed to its parts on them. Ramps come after the
-    junctions of several requested streets, because their links may lead to a street that is far away. Ramps with a link
-    in the required direction come before others.
+    If the request has streets, sites on them come first, each narrowed to its parts on them. If several requested
+    streets share a node, sites that do not have it come later: rings that the streets only reach at different arms, and
+    after them ramps, whose links may lead to a street that is far away. Ramps with a link in the required direction
+    come before others.
 
     Raises:
         NotPossible: the map, street or box has no such site of the requested road classes; the error lists the types
@@ -124,11 +177,14 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     taken = Gathering(SAME_PLACE_M)
     in_turn = [site for sites in zip_longest(*kinds) for site in sites if site is not None]
     at_ramp = _required_ramp_turn(request)
+    shared = _shared_nodes(osm, request.streets) if len(request.streets) > 1 else set[int]()
+    ways = {way.way_id: way for way in osm.ways} if shared else {}
     for site in sorted(
         in_turn,
         key=lambda site: (
             site.only_passed,
             len(request.streets) > 1 and site.kind == "ramp",
+            bool(shared) and shared.isdisjoint(_nodes_of(site, ways)),
             at_ramp is not None and at_ramp not in site.turns,
             _is_in_corner(site, request),
         ),
@@ -137,6 +193,12 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
             taken.add(site.position)
             different.append(site)
     return different
+
+
+def _nodes_of(site: Site, ways: Mapping[int, OsmWay]) -> set[int]:
+    """Return the nodes that mark a site, or those of the ways that mark it."""
+    marks = {part.mark for part in site.parts}
+    return marks if site.kind in MARKED_BY_NODES else {key for mark in marks for key in ways[mark].node_ids}
 
 
 def _required_ramp_turn(request: GenerationRequest) -> Turn | None:
@@ -246,8 +308,27 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
 
 def _meet(osm: OsmMap, streets: tuple[tuple[str, ...], ...]) -> bool:
     """Return whether roads of all these names share a node of the map."""
-    nodes = [{key for way in _called(osm, names) for key in way.node_ids} for names in streets]
-    return bool(set.intersection(*nodes))
+    return bool(_shared_nodes(osm, streets))
+
+
+def _shared_nodes(osm: OsmMap, streets: tuple[tuple[str, ...], ...]) -> set[int]:
+    """Return the nodes that roads of all these names share."""
+    return set.intersection(*(_nodes_called(osm, names) for names in streets))
+
+
+def _nodes_called(osm: OsmMap, names: tuple[str, ...]) -> set[int]:
+    """Return the nodes of the roads with one of the names."""
+    return {key for way in _called(osm, names) for key in way.node_ids}
+
+
+def _nodes_by_name(osm: OsmMap) -> Mapping[str, set[int]]:
+    """Return the nodes of all roads, by each of their names and numbers in a plain form."""
+    nodes: dict[str, set[int]] = defaultdict(set)
+    for way in osm.ways:
+        for name in (way.tags[key] for key in ("name", "ref") if way.road_class and key in way.tags):
+            for key in _keys_of(name):
+                nodes[key].update(way.node_ids)
+    return nodes
 
 
 def _excluded_streets(osm: OsmMap, request: GenerationRequest) -> str:
@@ -488,10 +569,13 @@ def _is_on_streets(streets: tuple[tuple[str, ...], ...], part: SitePart) -> bool
 
 def _carries(streets: tuple[str, ...], names: tuple[str, ...]) -> bool:
     """Return whether the streets include one of the names; names in a list (``A 4;E 40``) count individually."""
-    held, wanted = (
-        {fold(part) for listed in lists for part in (listed, *listed.split(";"))} for lists in (streets, names)
-    )
-    return not held.isdisjoint(wanted - {""})
+    held, wanted = (set[str]().union(*map(_keys_of, lists)) for lists in (streets, names))
+    return not held.isdisjoint(wanted)
+
+
+def _keys_of(listed: str) -> set[str]:
+    """Return the plain forms of a name, and of the names in a list."""
+    return {fold(part) for part in (listed, *listed.split(";"))} - {""}
 
 
 def radius_for(site: Site, request: GenerationRequest) -> float:

@@ -48,6 +48,7 @@
 ``EXPRESSWAY_KMH``: Minimum speed limit of a one-way trunk road that counts as an expressway, in km/h.
 ``FAST_ROADS``: OSM's road classes of motorways and similar roads.
 ``LINKS``: OSM's road classes of slip roads.
+``MARKED_BY_NODES``: The kinds of sites that a node marks; ways mark the others.
 ``RAMP_LINKS``: OSM's road classes of the links of fast roads.
 ``ROADS``: OSM's road classes that vehicles use, without links.
 ``resolve_road_classes``: Returns the road classes that groups (roads, link, all) and class names refer to, each once.
@@ -104,7 +105,7 @@ if TYPE_CHECKING:
     from .site_roads.jurisdictions import jurisdiction_of
     from .site_roads.pavements import Pavements, find_pavements
     from .site_roads.road_reader import RoadReader
-    from .site_search.finder import ARMS_OF_A_CROSSING, EXPRESSWAY_KMH, Site, SiteFinder, SitePart
+    from .site_search.finder import ARMS_OF_A_CROSSING, EXPRESSWAY_KMH, MARKED_BY_NODES, Site, SiteFinder, SitePart
     from .site_search.nearness import Gathering
     from .site_search.rings import LONGEST_RING_M
     from .unpacking import (

@@ -82,7 +82,8 @@ class Site:
 
     ``parts``: the spots that were merged into the site, at most ``MOST_NAMED``; the streets are those of all parts.
     ``only_passed``: the requested streets pass the site, but no part is on all of them. ``by_links``: links belong to
-    the site, for example because one of the streets reaches the junction only via a link road.
+    the site, for example because a link is an arm of the roundabout, or one of the streets reaches the junction only
+    via a link road.
     """
 
     kind: SiteType
@@ -112,13 +113,17 @@ class Site:
 
 @dataclass(frozen=True)
 class _Spot:
-    """A candidate for a site, without streets; ``roads`` returns the roads that name it once it is confirmed."""
+    """A candidate for a site, without streets; ``roads`` returns the roads that name it once it is confirmed.
+
+    ``by_links``: links belong to it, as the arms of a roundabout.
+    """
 
     kind: SiteType
     node: OsmNode
     mark: int
     roads: Callable[[], Iterable[OsmWay]]
     turns: frozenset[Turn] = frozenset()
+    by_links: bool = False
 
     @property
     def position(self) -> tuple[float, float]:
@@ -348,7 +353,9 @@ class SiteFinder:
         for way in tagged:
             if ring := rings.around(way):
                 middle = OsmNode(0, *_middle([self.osm.nodes[key].position for key in ring]), {})
-                spots.append(_Spot("roundabout", middle, way.way_id, partial(_ways_along, arms, ring)))
+                has_links = any(road.road_class in LINKS for key in ring for road in self._with_links.ways_at(key))
+                roads = partial(_ways_along, arms, ring)
+                spots.append(_Spot("roundabout", middle, way.way_id, roads, by_links=has_links))
         return spots
 
     def ring_faults(self) -> list[tuple[SitePart, str]]:
@@ -627,17 +634,15 @@ def _merged(spots: list[_Spot]) -> list[Site]:
         else:
             firsts.add(spot.position)
             groups.append([spot])
-    return [
-        _site_of(
-            group[0].kind,
-            tuple(
-                SitePart(spot.position, tuple(sorted(set(spot.streets()))), spot.mark, spot.turns)
-                for spot in group[:MOST_NAMED]
-            ),
-            [spot.position for spot in group],
+    sites = []
+    for group in groups:
+        parts = tuple(
+            SitePart(spot.position, tuple(sorted(set(spot.streets()))), spot.mark, spot.turns)
+            for spot in group[:MOST_NAMED]
         )
-        for group in groups
-    ]
+        site = _site_of(group[0].kind, parts, [spot.position for spot in group])
+        sites.append(replace(site, by_links=True) if any(spot.by_links for spot in group) else site)
+    return sites
 
 
 def _site_of(kind: SiteType, parts: tuple[SitePart, ...], positions: Sequence[tuple[float, float]]) -> Site:

@@ -9,7 +9,7 @@ import pytest
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation.site_network import prepare_site
-from plannerforge.engine.generation.sites import fitting_sites, middle_of
+from plannerforge.engine.generation.sites import count_sites, fitting_sites, middle_of, with_streets_that_meet
 from plannerforge.engine.maps.drawn_library import Sketch
 from plannerforge.engine.maps.osm import OsmMap, OsmWay, ground_distance_m, read_osm
 from plannerforge.engine.maps.site_search.finder import SiteFinder
@@ -67,6 +67,72 @@ def test_a_ring_of_links_is_found_if_no_other_is(tmp_path: Path) -> None:
     (site,) = fitting_sites(osm, request(tmp_path, scenario_type="roundabout", streets=(("West Road",),)))
     assert site.by_links
     assert site.streets[0] == "West Road"
+
+
+def streets_apart() -> Sketch:
+    """Lima Street crosses Rosa Luxemburg Street, not Rosa Street; Old Lima Street crosses Rosa Street."""
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-300, 0), (0, 0), (300, 0)], "secondary", "Lima")
+    sketch.road([(0, -300), (0, 0), (0, 300)], "secondary", "Luis Rosa")
+    sketch.road([(-300, 900), (0, 900), (300, 900)], "secondary", "Rosa")
+    sketch.road([(100, 1200), (0, 900), (0, 600)], "secondary", "Pine Street")
+    return sketch
+
+
+def test_a_street_with_a_longer_name_is_taken_if_the_requested_ones_do_not_meet(tmp_path: Path) -> None:
+    osm = drawn(tmp_path, streets_apart())
+    wish = {"streets": (("Lima",), ("Rosa",)), "longer_streets": ((), ("Luis Rosa", "Rosa Park"))}
+    asked = request(tmp_path, **wish)
+    meeting, notes = with_streets_that_meet(osm, asked)
+    assert meeting.streets == (("Lima",), ("Luis Rosa",))
+    assert len(notes) == 1
+    assert {"Lima", "Luis Rosa"} <= set(fitting_sites(osm, meeting)[0].streets)
+    assert count_sites(asked, silent).count == 1
+
+
+@pytest.mark.parametrize(
+    ("streets", "longer"),
+    [
+        ((("Rosa",), ("Pine Street",)), (("Luis Rosa",), ())),  # the requested streets meet
+        ((("Lima",), ("Pine Street",)), ((), ("Rosa",))),  # no other streets meet
+        ((("Lima",), ("Pine Street",)), ()),
+    ],
+)
+def test_the_requested_streets_are_kept_if_they_meet_or_no_others_do(
+    tmp_path: Path, streets: tuple[tuple[str, ...], ...], longer: tuple[tuple[str, ...], ...]
+) -> None:
+    asked = request(tmp_path, streets=streets, longer_streets=longer, scenario_type="roundabout")
+    assert with_streets_that_meet(drawn(tmp_path, streets_apart()), asked) == (asked, [])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_crossing_of_two_streets_comes_before_a_ring_that_both_reach(tmp_path: Path, seed: int) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    corners = [(20 * math.cos(k * math.pi / 6), 20 * math.sin(k * math.pi / 6)) for k in range(13)]
+    sketch.road(corners, "secondary", "", junction="roundabout")
+    sketch.road([corners[0], (300, 0), (500, 0)], "secondary", "East Road")
+    sketch.road([corners[3], (0, 300), (300, 0), (300, -200)], "secondary", "Bow Street")
+    sketch.road([corners[6], (-300, 0)], "secondary", "West Road")
+    osm = drawn(tmp_path, sketch)
+    asked = request(tmp_path, streets=(("East Road",), ("Bow Street",)), seed=seed)
+    first, *others = fitting_sites(osm, asked)
+    assert first.kind != "roundabout"
+    assert [site.kind for site in others] == ["roundabout"]
+
+
+def test_a_ring_keeps_the_links_that_are_its_arms(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    corners = [(30 * math.cos(k * math.pi / 6), 30 * math.sin(k * math.pi / 6)) for k in range(13)]
+    sketch.road(corners, "primary", "", junction="roundabout")
+    sketch.road([corners[0], (300, 0)], "primary", "East Road")
+    sketch.road([corners[6], (-300, 0)], "primary", "West Road")
+    sketch.road([corners[3], (0, 300)], "trunk_link", "")
+    osm = drawn(tmp_path, sketch)
+    asked = request(tmp_path, scenario_type="roundabout")
+    (site,) = fitting_sites(osm, asked)
+    built = prepare_site(asked, osm, site, tmp_path, silent)
+    assert built.focus.ways is not None
+    assert len(built.focus.ways.entries) == len(built.focus.ways.exits) == 3
 
 
 def test_a_type_that_cannot_have_the_goal_is_proposed_without_it(tmp_path: Path) -> None:
