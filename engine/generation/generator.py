@@ -152,6 +152,7 @@ class _Attempt:
 
     ``lacks``: no road user makes the requested manoeuvre; the scenario serves only as a base for scripting. ``astray``:
     the ego's goal must be beyond the site, but its route misses the site's own junction or turns elsewhere too.
+    ``followable``: whether a planner can follow the ego's lanes as fast as its goal needs.
     """
 
     scenario: GeneratedScenario
@@ -161,6 +162,7 @@ class _Attempt:
     unusable: bool
     lacks: bool = False
     astray: bool = False
+    followable: bool = True
 
 
 class _Attempts:
@@ -240,11 +242,14 @@ class _Attempts:
                     return
                 if lacks and sum(not attempt.unusable for attempt in self.made) >= ENOUGH_WITH_TURN:
                     return
-                if astray and any(not attempt.astray and not attempt.unusable for attempt in self.made[made:]):
+                if astray and any(not any(self._rank(one)[:4]) for one in self.made[made:]):
                     return
 
     def best(self, osm: OsmMap) -> _Attempt:
-        """Return the usable attempt with the fewest faults, if possible not astray; the first attempt wins a tie.
+        """Return the usable attempt with the fewest faults; the first wins a tie.
+
+        If possible, a planner can follow it, and it is not astray. The latter comes first if streets or a turn are
+        requested.
 
         Raises:
             NotPossible: no attempt is usable. The stated cause is a ramp that does not lead where it must, otherwise
@@ -253,7 +258,7 @@ class _Attempts:
         """
         usable = [attempt for attempt in self.made if not attempt.unusable and not attempt.lacks]
         if usable:
-            return min(usable, key=lambda attempt: (attempt.astray, len(attempt.faults)))
+            return min(usable, key=self._rank)
         if (lacking := lacking_turn(osm, self._request)) is not None:
             raise lacking
         if self._requested is not None and any(attempt.lacks for attempt in self.made):
@@ -272,6 +277,16 @@ class _Attempts:
             valid=other_types(osm, self._request),
             next_step="choose another scenario_type, or another place",
             reason=SITE_LOST,
+        )
+
+    def _rank(self, attempt: _Attempt) -> tuple[bool, bool, bool, bool, int]:
+        names_a_way = bool(self._request.streets) or self._request.goal.turn is not None
+        return (
+            attempt.unusable,
+            attempt.astray and names_a_way,
+            not attempt.followable,
+            attempt.astray,
+            len(attempt.faults),
         )
 
     def notes_besides(self, best: _Attempt) -> list[str]:
@@ -330,7 +345,7 @@ class _Attempts:
         self._rounds += 1
         path = folder / f"scenario_{round_number}.xml"
         try:
-            scenario, missed, astray = _write(
+            scenario, missed, astray, followable = _write(
                 routed or self._request, site, round_number, path, self._report, turning=routed is not None
             )
         except NotPossible as refusal:
@@ -339,8 +354,8 @@ class _Attempts:
             return False
         broken, weak = faults_of(scenario.checks)
         lacks = self._requested is not None and not scenario.others
-        self.made.append(_Attempt(scenario, path, site, (*broken, *weak, *missed), bool(broken), lacks, astray))
-        faults = self.made[-1].faults
+        faults = (*broken, *weak, *missed)
+        self.made.append(_Attempt(scenario, path, site, faults, bool(broken), lacks, astray, followable))
         logger.debug("round_made round=%d faults=%r lacks_manoeuvre=%s", round_number, faults, lacks)
         return not faults and not lacks
 
@@ -404,13 +419,14 @@ def _write(
     report: ProgressReporter,
     *,
     turning: bool = False,
-) -> tuple[GeneratedScenario, list[str], bool]:
+) -> tuple[GeneratedScenario, list[str], bool, bool]:
     """Generate, write and check one scenario at one site.
 
     ``turning``: True to route vehicles along the way through the site that the ego must take.
 
     Returns:
-        The scenario, how its ego misses the site as text, and whether the ego is astray.
+        The scenario, how its ego misses the site as text, whether the ego is astray, and whether a planner can
+        follow its lanes.
 
     Raises:
         NotPossible: the site cannot provide what the request needs.
@@ -489,7 +505,7 @@ def _write(
     if wanted is not None and (found := found_in(path, wanted, scenario.vehicle_classes)) is not None:
         scenario = scenario.model_copy(update={"others": found.in_words()})
     is_direct = task.takes_street and task.focus_passed > 0 and task.on_spot and task.turns_clearly
-    return scenario, faults, request.goal.is_through and not is_direct
+    return scenario, faults, request.goal.is_through and not is_direct, task.followable
 
 
 def _scripted(base: _Attempt, wanted: RequestedManoeuvre, seed: int, numbers: Iterator[int]) -> _Attempt | None:
@@ -511,4 +527,4 @@ def _scripted(base: _Attempt, wanted: RequestedManoeuvre, seed: int, numbers: It
         update={"checks": checks, "others": made.found.in_words()}
     )
     missed = tuple(fault for fault in base.faults if fault not in faults_of(base.scenario.checks)[1])
-    return _Attempt(scenario, made.path, base.site, (*weak, *missed), unusable=False, astray=base.astray)
+    return replace(base, scenario=scenario, path=made.path, faults=(*weak, *missed), lacks=False)
