@@ -20,9 +20,7 @@ def test_the_notebook_contains_the_executed_cells() -> None:
 
 
 @pytest.mark.usefixtures("starter_ready", "warm_workers")
-def test_twelve_lines_make_a_table_of_runs_of_an_own_planner(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_twelve_lines_make_a_table_of_runs_of_an_own_planner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     script = loaded_script("record_notebook")
     lines = [line for line in f"{script.INSTALL}\n{script.PROGRAM}".splitlines() if line]
     assert len(lines) <= 12
