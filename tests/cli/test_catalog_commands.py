@@ -15,6 +15,9 @@ from typer.testing import CliRunner, Result
 from plannerforge.cli.program import application
 
 
+pytestmark = pytest.mark.usefixtures("warm_workers")
+
+
 @pytest.fixture(autouse=True)
 def _workspace_of_the_test(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PLANNERFORGE_WORKSPACE", str(tmp_path / "workspace"))
