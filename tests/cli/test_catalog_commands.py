@@ -14,7 +14,6 @@ from typer.testing import CliRunner, Result
 
 from plannerforge.cli.program import application
 
-
 pytestmark = pytest.mark.usefixtures("warm_workers")
 
 
