@@ -123,9 +123,9 @@ def era() -> str:
 
 
 @pytest.fixture(scope="session")
-async def kept_workers(anyio_backend: str, tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[KeptWorkers]:
+def kept_workers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[KeptWorkers]:
     """Worker processes for the servers of all tests that examine answers, not processes."""
-    async with KeptWorkers.until_left(tmp_path_factory.mktemp("workers") / "workers.log") as kept:
+    with KeptWorkers.until_left(tmp_path_factory.mktemp("workers") / "workers.log") as kept:
         yield kept
 
 

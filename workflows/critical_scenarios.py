@@ -14,7 +14,7 @@ from .generation.generate import generate_scenarios as generate_usual_scenarios
 from .generation.making import with_trial_run
 from .modification import modified_once
 
-_RUNS = {"raised": 24, "critical": 60}
+RUNS = {"raised": 24, "critical": 60}
 """The budget of each search in runs (chosen: half a minute at most)."""
 _ALREADY = "base_failed_avoidably"
 
@@ -49,7 +49,7 @@ async def with_encounter(
     arguments = FindFailuresArguments(
         scenario_id=summary.scenario_id,
         config=DEFAULT_CONFIGURATION,
-        runs=_RUNS[criticality],
+        runs=RUNS[criticality],
         until_first=criticality == "critical",
         seed=seed,
     )

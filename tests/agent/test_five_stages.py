@@ -1,10 +1,13 @@
 """The chat of ``docs/chat.md`` with the real server: five stages, each with what the one before made."""
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
-from support.model_servers import serving
+from support.model_servers import Reply, serving
 from support.tree import loaded_script
 
 from plannerforge.agent.connection import ToolConnection
@@ -24,8 +27,15 @@ def recording() -> ModuleType:
 @pytest.mark.anyio
 @pytest.mark.usefixtures("starter_ready", "warm_workers")
 async def test_a_chat_covers_five_stages(recording: ModuleType, settings: Settings, tmp_path: Path) -> None:
+    def script(request: Mapping[str, Any]) -> Reply:
+        """The model of the page, which asks for a smaller scenario."""
+        reply: Reply = recording.script(request)
+        less = {"density": "low", "duration_s": 6, "goal": "steps:20"}
+        calls = [(tool, {**asked, **less} if tool == "generate_scenarios" else asked) for tool, asked in reply.calls]
+        return replace(reply, calls=tuple(calls))
+
     results = []
-    with serving("ollama", recording.script) as server:
+    with serving("ollama", script) as server:
         model = open_model("ollama:big:70b", ModelSettings(host=server.url))
         async with ToolConnection.open(create_server(settings, start_folder=tmp_path)) as connection:
             session = AgentSession(model, connection)

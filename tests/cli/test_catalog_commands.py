@@ -14,6 +14,8 @@ from typer.testing import CliRunner, Result
 
 from plannerforge.cli.program import application
 
+pytestmark = pytest.mark.usefixtures("warm_workers")
+
 
 @pytest.fixture(autouse=True)
 def _workspace_of_the_test(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

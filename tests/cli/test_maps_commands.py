@@ -10,6 +10,8 @@ from typer.testing import CliRunner, Result
 from plannerforge.cli.program import application
 from plannerforge.engine.maps.drawn_library import LIBRARY
 
+pytestmark = pytest.mark.usefixtures("warm_workers")
+
 
 @pytest.fixture(autouse=True)
 def _workspace_of_the_test(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from plannerforge.server.settings import Settings
 CHECKOUT = Path(__file__).resolve().parent.parent.parent
 EXAMPLE = CHECKOUT / "docs" / "examples" / "gate"
 SCENARIOS = ["preset:2"]
+pytestmark = pytest.mark.usefixtures("warm_workers")
 
 
 @pytest.fixture(scope="module")

@@ -26,7 +26,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return asked
 
 
-@pytest.mark.usefixtures("starter_ready")
+@pytest.mark.usefixtures("starter_ready", "warm_workers")
 def test_a_page_is_written_and_opened_if_there_is_a_screen(
     settings: Settings, opened: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -22,7 +22,7 @@ MARK = "<!-- from here on written by tests/contract/test_answers_page.py -->\n"
 MOST_LINES, MOST_TOKENS = 12, 250
 LISTS = {"list_planners", "describe_catalog", "list_artifacts"}
 """Tools whose answer is a list that was asked for."""
-CROSSING = {"place": "Musterstadt", "scenario_type": "intersection", "density": "medium", "vehicles": ["truck=2"]}
+CROSSING = {"place": "Musterstadt", "scenario_type": "intersection", "duration_s": 10, "vehicles": ["truck=2"]}
 CALLS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("import_files", {"path": "town.xml"}),
     ("generate_scenarios", CROSSING),
@@ -41,7 +41,7 @@ CALLS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("export_artifacts", {"ids": ["latest_run"], "folder": "out"}),
     ("list_artifacts", {"kind": "config"}),
     ("find_failures", {"scenario_id": "ZAM_Builder-1_1_T-1", "config": "idm", "runs": 8}),
-    ("optimize_planner", {"scenarios": ["preset:3"], "base": "idm", "vary": ["time_headway_s"], "max_trials": 5}),
+    ("optimize_planner", {"scenarios": ["preset:3"], "base": "idm", "vary": ["time_headway_s"], "max_trials": 3}),
     (
         "explore_boundary",
         {"scenario": "cut_in", "configs": ["keep_lane"], "points": 30, "references": False, "wait_s": 50},

@@ -131,6 +131,7 @@ async def test_an_evaluation_ends_if_the_model_server_is_lost(monkeypatch: pytes
     assert isinstance(agent, ModelAgent)
 
 
+@pytest.mark.usefixtures("warm_workers")
 def test_the_ground_truth_carries_out_packaged_requests_and_an_evaluation_continues(tmp_path: Path) -> None:
     shown = Console(file=io.StringIO(), width=160)
     out = tmp_path / "out"

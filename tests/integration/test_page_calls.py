@@ -22,13 +22,14 @@ ELSEWHERE = {
 """Pages whose calls are made by other tests, or by none, and why."""
 FEWER = {
     r'^((?!.*"objective").*)preset:\d+': r"\1preset:1",
-    r"preset:(?!1\b)\d+": "preset:6",
-    r'"max_trials": \d+': '"max_trials": 4',
+    r"preset:(?!1\b)\d+": "preset:4",
+    r'"max_trials": \d+': '"max_trials": 2',
     r'\["frenetix"\], "points": \d+': '["idm"], "points": 30, "references": false',
     r'("runs": \d+)': r'\1, "until_first": true',
     r'"density": "medium"': '"density": "low", "duration_s": 6, "goal": "steps:20"',
     r'"vehicles": \["bus=1"\]': '"vehicles": ["bus=1"], "duration_s": 6, "goal": "steps:20"',
-    r'"method": "morris", "max_trials": 4': '"method": "morris", "vary": ["jerk"], "max_trials": 9',
+    r'"method": "morris", "max_trials": 2': '"method": "morris", "base": "idm", "vary": ["time_headway_s"], '
+    '"max_trials": 9',
 }
 """What is done with fewer and shorter scenarios, tries, points, runs and weights, less traffic, and a planner that
 plans faster than on the page: it would take minutes."""

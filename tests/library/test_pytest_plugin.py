@@ -44,6 +44,7 @@ def test_unmarked(planner_suite):
 """
 
 
+@pytest.mark.usefixtures("warm_workers")
 def test_limits_that_hold_pass_and_broken_ones_fail(pytester: pytest.Pytester) -> None:
     folder = Path(pytester.path)
     town_road().write(folder / "town.xml")

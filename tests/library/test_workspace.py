@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.builders import town_road
+from support.server import KeptWorkers
 
+from plannerforge.engine.execution import WorkerPool
 from plannerforge.engine.planners import Observation, Plan, PlannedTrajectory, PlanningTask
 from plannerforge.library import Workspace
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
@@ -59,12 +61,15 @@ class Straight:
 
 
 @pytest.fixture(scope="module")
-def workspace(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workspace]:
+def workspace(tmp_path_factory: pytest.TempPathFactory, kept_workers: KeptWorkers) -> Iterator[Workspace]:
     folder = tmp_path_factory.mktemp("door")
     town_road().write(folder / "town.xml")
-    with Workspace(folder / "workspace", roots=(folder,), workers=1, starter=False, warm_up=False) as opened:
-        opened.import_files(folder / "town.xml", kind="scenario")
-        yield opened
+    options = {"roots": (folder,), "workers": 1, "starter": False, "warm_up": False}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(WorkerPool, "open", kept_workers.lent)
+        with Workspace(folder / "workspace", **options) as opened:
+            opened.import_files(folder / "town.xml", kind="scenario")
+            yield opened
 
 
 def scenario_of(workspace: Workspace) -> str:

@@ -1,20 +1,25 @@
 """Servers for tests: a client session in memory, and a process that can be killed at any time."""
 
+import asyncio
 import json
 import os
 import subprocess
 import sys
 import threading
-from collections.abc import AsyncIterator, Sequence
-from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
+from collections.abc import AsyncIterator, Iterator, Sequence
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
+import anyio
 import psutil
 import pytest
+from anyio.from_thread import BlockingPortal, start_blocking_portal
 from mcp import Client
 
 from plannerforge.engine.execution import Limits, WorkerPool
+from plannerforge.engine.execution.executor import Lane, OnProgress, Operation, Request, Response, no_progress
 from plannerforge.server.settings import Settings
 
 ERAS = ("auto", "legacy")
@@ -22,6 +27,8 @@ ERA_NAMES = ("2026-07-28", "initialize")
 """Both protocol eras: the stateless revision and those that begin with ``initialize``."""
 both_eras = pytest.mark.parametrize("era", ERAS, ids=ERA_NAMES)
 """For tests of what the protocol has a part in. What a tool does with its arguments is the same in both eras."""
+MOST_WORKERS = 4
+"""The kept workers of one kind that run at once, shared by all servers of a test."""
 GUARD_S = 120.0
 """A server that does not answer for so long hangs: it is killed, and the test fails instead of hanging as well."""
 
@@ -100,23 +107,76 @@ def _is_worker(process: psutil.Process) -> bool:
 
 
 class KeptWorkers:
-    """Pools that outlive their servers, so that a worker imports its libraries only once."""
+    """Workers in an event loop of their own that outlive their servers, whatever loop a server runs in: a worker
+    imports its libraries only once.
+    """
 
-    def __init__(self, stack: AsyncExitStack, log: Path) -> None:
-        self._stack, self._log, self._open = stack, log, WorkerPool.open
-        self._pools: dict[tuple[int, int, float], WorkerPool] = {}
+    def __init__(self, portal: BlockingPortal, log: Path) -> None:
+        self._portal, self._log = portal, log
+        self._pools: dict[tuple[int, float], WorkerPool] = {}
 
     @classmethod
-    @asynccontextmanager
-    async def until_left(cls, log: Path) -> AsyncIterator["KeptWorkers"]:
-        """Provide pools that end with the block."""
-        async with AsyncExitStack() as stack:
-            yield cls(stack, log)
+    @contextmanager
+    def until_left(cls, log: Path) -> Iterator["KeptWorkers"]:
+        """Provide workers that end with the block."""
+        with start_blocking_portal("asyncio") as portal:
+            kept = cls(portal, log)
+            yield kept
+            for one in kept._pools.values():
+                portal.call(one.close)
 
     @asynccontextmanager
-    async def lent(self, limits: Limits, log: Path) -> AsyncIterator[WorkerPool]:
-        """Replace ``WorkerPool.open`` with the pool of these limits, which stays open afterwards."""
-        key = (limits.worker_count, limits.worker_memory_bytes, limits.operation_timeout_s)
+    async def lent(self, limits: Limits, log: Path) -> AsyncIterator["LentWorkers"]:
+        """Replace ``WorkerPool.open``: lend workers with these limits, which stay afterwards."""
+        key = (limits.worker_memory_bytes, limits.operation_timeout_s)
         if key not in self._pools:
-            self._pools[key] = await self._stack.enter_async_context(self._open(limits, self._log))
-        yield self._pools[key]
+            self._pools[key] = self._portal.call(WorkerPool, replace(limits, worker_count=MOST_WORKERS), self._log)
+        yield LentWorkers(self._portal, self._pools[key], limits.worker_count)
+
+
+class LentWorkers:
+    """Some of the kept workers, for one server in another event loop."""
+
+    notice = ""
+
+    def __init__(self, portal: BlockingPortal, pool: WorkerPool, capacity: int) -> None:
+        self._portal, self._pool, self.capacity = portal, pool, capacity
+        self._slots = {"compute": anyio.Semaphore(capacity), "retrieval": anyio.Semaphore(1)}
+
+    @property
+    def worker_pids(self) -> tuple[int, ...]:
+        """The process ids of all kept workers with the same limits."""
+        return self._pool.worker_pids
+
+    async def run(
+        self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress
+    ) -> Response:
+        """Run the operation in a kept worker; a cancelled caller returns once the worker has ended."""
+        loop = asyncio.get_running_loop()
+        reports: asyncio.Queue[tuple[float, str] | None] = asyncio.Queue()
+        ended = threading.Event()
+
+        async def there() -> Response:
+            async def report(share: float, message: str) -> None:
+                loop.call_soon_threadsafe(reports.put_nowait, (share, message))
+
+            try:
+                return await self._pool.run(operation, request, on_progress=report)
+            finally:
+                ended.set()
+                loop.call_soon_threadsafe(reports.put_nowait, None)
+
+        async with self._slots[operation.lane]:
+            answer = self._portal.start_task_soon(there)
+            try:
+                while (told := await reports.get()) is not None:
+                    await on_progress(*told)
+            finally:
+                if not ended.is_set():
+                    answer.cancel()
+                    with anyio.CancelScope(shield=True):
+                        await anyio.to_thread.run_sync(ended.wait)
+            return await asyncio.wrap_future(answer)
+
+    async def warm_up(self, lane: Lane = "compute") -> None:
+        """Do nothing: most workers are warm."""

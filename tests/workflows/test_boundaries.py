@@ -125,7 +125,17 @@ async def test_the_other_parameters_are_slices(context: WorkflowContext) -> None
 
 @pytest.mark.anyio
 async def test_a_map_says_in_which_world_it_was_made(context: WorkflowContext) -> None:
-    record, _ = await explored(context, world="occlusion, missed=0.1")
+    world = "occlusion, missed=0.1"
+    await explored(context)
+    usual, other = [
+        context.workspace.root / "explored" / f"{plan.recipe().digest}.jsonl"
+        for more in ({}, {"world": world})
+        for plan in [await boundaries._plan(ExploreBoundaryArguments(**{**SMALL, **more}), context)]
+    ]
+    kept = usual.read_text(encoding="utf-8").splitlines(keepends=True)
+    other.write_text("".join(kept[:-2]), encoding="utf-8")  # as if most points had been driven in that world before
+    record, evaluated = await explored(context, world=world)
+    assert evaluated
     told = await boundaries._finished(record, context)
     assert "(world occlusion, missed=0.1)" in told.answer().to_text()
 

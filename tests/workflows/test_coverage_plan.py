@@ -15,8 +15,8 @@ from support.server import Connect, StdioServer
 
 from plannerforge.server.settings import Settings
 
-COVER = ["scenario_type=intersection|ramp", "density=low|medium", "turn=left|merge"]
-WISH: dict[str, Any] = {"cover": COVER, "duration_s": 8}
+COVER = ["scenario_type=intersection|ramp", "duration_s=7|8", "turn=left|merge"]
+WISH: dict[str, Any] = {"cover": COVER, "density": "low"}
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def pairs_asked(workspace: Path) -> set[tuple[str, str]]:
     with sqlite3.connect(workspace / "workspace.sqlite") as connection:
         rows = connection.execute("SELECT recipe FROM artifacts WHERE kind = 'scenario'").fetchall()
     asked = [json.loads(row[0])["arguments"] for row in rows]
-    return {pair for one in asked for pair in combinations((one["scenario_type"], one["density"], one["goal"]), 2)}
+    return {pair for one in asked for pair in combinations((one["scenario_type"], one["duration_s"], one["goal"]), 2)}
 
 
 @pytest.mark.anyio
@@ -52,9 +52,9 @@ async def test_a_plan_makes_every_pair_that_can_be_and_names_the_others(connect:
     async with connect(bare) as client:
         text, answer = await ended(client, **WISH)
         plan = answer["plan"]
-        types, densities, turns = ("intersection", "ramp"), ("low", "medium"), ("through:left", "through:merge")
+        types, durations, turns = ("intersection", "ramp"), (7, 8), ("through:left", "through:merge")
         impossible = {("ramp", "through:left"), ("intersection", "through:merge")}
-        pairs = {*product(types, densities), *product(types, turns), *product(densities, turns)} - impossible
+        pairs = {*product(types, durations), *product(types, turns), *product(durations, turns)} - impossible
         assert pairs_asked(bare.workspace) == pairs
         assert (plan["allowed"], plan["covered"], plan["left_total"]) == (len(pairs), len(pairs), 0)
         assert {one["combination"] for one in plan["cannot"]} == {

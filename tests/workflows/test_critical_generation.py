@@ -9,8 +9,8 @@ from support.builders import ScenarioBuilder, driving, town_road
 from benchmarks.harness import call_in_process
 from plannerforge.engine.workspace import Workspace
 from plannerforge.schemas.generation import Criticality, ScenarioSummary
+from plannerforge.workflows import critical_scenarios
 from plannerforge.workflows.context import WorkflowContext
-from plannerforge.workflows.critical_scenarios import with_encounter
 
 pytestmark = pytest.mark.anyio
 BASE = "ZAM_Town-1_1_T-1"
@@ -25,10 +25,13 @@ async def critical(
         store_scenario(workspace, BASE, builder.write(folder / "town.xml"))
     context = call_in_process(workspace)
     generated = ScenarioSummary.model_construct(scenario_id=BASE, notes=[], encounter="")
-    return await with_encounter(context, generated, criticality, 0), context
+    return await critical_scenarios.with_encounter(context, generated, criticality, 0), context
 
 
-async def test_a_raised_scenario_has_an_added_encounter_and_is_the_same_again(tmp_path: Path) -> None:
+async def test_a_raised_scenario_has_an_added_encounter_and_is_the_same_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(critical_scenarios.RUNS, "raised", 6)
     made, context = await critical(tmp_path, "raised")
     assert made.scenario_id != BASE
     assert made.encounter

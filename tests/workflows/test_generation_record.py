@@ -1,11 +1,17 @@
 """describe_scenario tells how a generated scenario came out, and what its vehicles were generated as."""
 
 import json
+import shutil
+from pathlib import Path
+from typing import Any
 
 import pytest
-from support.server import Connect
+from mcp import Client
+from support.server import Connect, KeptWorkers
 
+from plannerforge.engine.execution import WorkerPool
 from plannerforge.schemas.generation import SHARES_SOURCE
+from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
 from plannerforge.workflows.generation.record import REPORT
 
@@ -19,9 +25,26 @@ WISH = {
 }
 
 
-async def test_classes_without_a_commonroad_type_are_reported_for_every_vehicle(connect: Connect) -> None:
-    async with connect() as client:
-        await client.call_tool("generate_scenarios", WISH)
+@pytest.fixture(scope="module")
+async def generated(
+    anyio_backend: str, starter_workspace: Path, kept_workers: KeptWorkers, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Settings, dict[str, Any]]:
+    """Settings of a workspace with the scenario, and the answer to the request for it."""
+    folder = tmp_path_factory.mktemp("generated")
+    own = Settings(workspace=folder / "workspace", roots=(folder,), workers=1, warm_up=False)
+    shutil.copytree(starter_workspace, own.workspace)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(WorkerPool, "open", kept_workers.lent)
+        async with Client(create_server(own, start_folder=folder)) as client:
+            made = (await client.call_tool("generate_scenarios", WISH)).structured_content
+    assert made is not None
+    return own, made
+
+
+async def test_classes_without_a_commonroad_type_are_reported_for_every_vehicle(
+    connect: Connect, generated: tuple[Settings, dict[str, Any]]
+) -> None:
+    async with connect(generated[0]) as client:
         answer = await client.call_tool("describe_scenario", {"detail": "vehicles", "radius_m": 2000})
         assert answer.structured_content is not None
         vehicles = answer.structured_content["description"]["vehicles"]
@@ -31,10 +54,11 @@ async def test_classes_without_a_commonroad_type_are_reported_for_every_vehicle(
         assert str(answer.content).count(" motorcycle (moped): ") == 1
 
 
-async def test_requested_and_realised_values_are_reported_with_the_checks(connect: Connect) -> None:
-    async with connect() as client:
-        made = (await client.call_tool("generate_scenarios", WISH)).structured_content
-        assert made is not None
+async def test_requested_and_realised_values_are_reported_with_the_checks(
+    connect: Connect, generated: tuple[Settings, dict[str, Any]]
+) -> None:
+    own, made = generated
+    async with connect(own) as client:
         answer = await client.call_tool("describe_scenario", {"detail": "checks"})
         assert answer.structured_content is not None
         told = answer.structured_content["generation"]
@@ -47,11 +71,12 @@ async def test_requested_and_realised_values_are_reported_with_the_checks(connec
 
 
 async def test_notes_and_warnings_are_listed_in_full_if_the_detail_requests_them(
-    connect: Connect, settings: Settings
+    connect: Connect, generated: tuple[Settings, dict[str, Any]], settings: Settings
 ) -> None:
+    own, made = generated
+    shutil.rmtree(settings.workspace)
+    shutil.copytree(own.workspace, settings.workspace)
     async with connect() as client:
-        made = (await client.call_tool("generate_scenarios", WISH)).structured_content
-        assert made is not None
         path = settings.workspace / "scenarios" / made["scenarios"][0]["scenario_id"] / REPORT
         warnings = [f"edge {number} is odd" for number in range(40)]
         repair = "an earlier attempt failed: vehicles overlap"

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import anyio
+import pytest
 import yaml
 from mcp import Client
 from support.builders import driving, town_road
@@ -15,6 +16,7 @@ from plannerforge.schemas.analysis.suite import SuiteBaseline, SuiteReport
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
 
+pytestmark = pytest.mark.usefixtures("warm_workers")
 FIRST, SECOND = "ZAM_Builder-1_1_T-1", "ZAM_Builder-2_1_T-1"
 STANDING = driving(31, (90, 0), 0.0, 151)
 

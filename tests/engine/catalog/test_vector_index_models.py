@@ -3,6 +3,7 @@
 import hashlib
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,12 @@ TEXTS = (
 )
 
 
+@cache
+def vectors(name: str) -> np.ndarray:
+    """The texts' vectors by a packaged model."""
+    return EmbeddingModel.of(name).embed(TEXTS)
+
+
 @pytest.fixture
 def own_folder(tmp_path: Path) -> Path:
     """The model that the packaged weights were made of, as a user's folder."""
@@ -39,13 +46,13 @@ def own_folder(tmp_path: Path) -> Path:
 @pytest.mark.filterwarnings("ignore")
 def test_the_packaged_weights_give_nearly_the_vectors_of_sentence_transformers(own_folder: Path) -> None:
     pytest.importorskip("sentence_transformers", reason="the extra embeddings")
-    packaged, own = EmbeddingModel.of(ENGLISH_MODEL).embed(TEXTS), EmbeddingModel.of(str(own_folder)).embed(TEXTS)
+    packaged, own = vectors(ENGLISH_MODEL), EmbeddingModel.of(str(own_folder)).embed(TEXTS)
     assert packaged.shape == own.shape == (len(TEXTS), 384)
     assert (packaged * own).sum(axis=1).min() > 0.99  # 8-bit weights
 
 
 def test_the_packaged_models_are_combined_by_their_shares() -> None:
-    both, english = EmbeddingModel.of(PACKAGED_MODEL).embed(TEXTS), EmbeddingModel.of(ENGLISH_MODEL).embed(TEXTS)
+    both, english = vectors(PACKAGED_MODEL), vectors(ENGLISH_MODEL)
     assert both.shape == (len(TEXTS), 384 + 512)
     assert np.allclose(np.linalg.norm(both, axis=1), 1.0, atol=1e-5)
     assert np.allclose(both[:, :384], english * np.sqrt(ENGLISH_SHARE), atol=1e-6)
@@ -60,8 +67,7 @@ def test_the_packaged_model_reads_other_languages() -> None:
 
 @pytest.mark.parametrize("name", [PACKAGED_MODEL, ENGLISH_MODEL])
 def test_a_vector_does_not_depend_on_other_texts(name: str) -> None:
-    embed = EmbeddingModel.of(name).embed
-    assert np.array_equal(embed(TEXTS)[1], embed(TEXTS[1:2])[0])
+    assert np.array_equal(vectors(name)[1], EmbeddingModel.of(name).embed(TEXTS[1:2])[0])
 
 
 def test_the_identity_names_the_weights_that_are_there() -> None:

@@ -1,6 +1,7 @@
 """Worker processes: what they answer, and that no misbehaviour of an operation reaches the server."""
 
 import logging
+import os
 import signal
 import sys
 from collections.abc import AsyncIterator
@@ -9,6 +10,7 @@ from pathlib import Path
 import anyio
 import psutil
 import pytest
+from support.tree import CHECKOUT
 
 from plannerforge.engine.execution import pool as pool_module
 from plannerforge.engine.execution.executor import OnProgress, Operation, no_progress
@@ -39,6 +41,26 @@ async def pool(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> As
     )
     async with WorkerPool.open(limits, log) as opened:
         yield opened
+
+
+@pytest.fixture(scope="module")
+async def shared_pool(
+    anyio_backend: str, tmp_path_factory: pytest.TempPathFactory
+) -> AsyncIterator[tuple[WorkerPool, Path]]:
+    """A pool for the tests after which its worker goes on, and its log."""
+    folder = tmp_path_factory.mktemp("pool")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", os.pathsep.join([str(CHECKOUT / "tests"), os.environ.get("PYTHONPATH", "")]))
+        limits = Limits(roots=(folder,), worker_count=1, operation_timeout_s=PATIENCE_S)
+        async with WorkerPool.open(limits, folder / "workers.log") as opened:
+            await pid_of_worker(opened)
+            yield opened, folder / "workers.log"
+
+
+@pytest.fixture
+def kept(shared_pool: tuple[WorkerPool, Path]) -> WorkerPool:
+    """The pool whose worker goes on."""
+    return shared_pool[0]
 
 
 async def run(
@@ -100,41 +122,42 @@ class Hanging:
         self.told.set()
 
 
-async def test_answer_is_that_of_the_operation(pool: WorkerPool) -> None:
-    assert await run(pool, "echo", "Grüße, 世界\n\u2028\x00", 7) == Words(text="Grüße, 世界\n\u2028\x00", number=7)
+async def test_answer_is_that_of_the_operation(kept: WorkerPool) -> None:
+    assert await run(kept, "echo", "Grüße, 世界\n\u2028\x00", 7) == Words(text="Grüße, 世界\n\u2028\x00", number=7)
 
 
-async def test_worker_is_warm_for_the_next_call(pool: WorkerPool) -> None:
-    assert await pid_of_worker(pool) == await pid_of_worker(pool)
-    assert len(pool.worker_pids) == 1
+async def test_worker_is_warm_for_the_next_call(kept: WorkerPool) -> None:
+    assert await pid_of_worker(kept) == await pid_of_worker(kept)
+    assert len(kept.worker_pids) == 1
 
 
-async def test_large_request_and_answer_pass(pool: WorkerPool) -> None:
+async def test_large_request_and_answer_pass(kept: WorkerPool) -> None:
     text = "x" * 5_000_000
-    assert (await run(pool, "echo", text)).text == text
+    assert (await run(kept, "echo", text)).text == text
 
 
-async def test_progress_arrives_whole_and_in_order(pool: WorkerPool) -> None:
+async def test_progress_arrives_whole_and_in_order(kept: WorkerPool) -> None:
     told: list[tuple[float, str]] = []
 
     async def note(share: float, message: str) -> None:
         told.append((share, message))
 
-    await run(pool, "tell_progress", number=500, on_progress=note)
+    await run(kept, "tell_progress", number=500, on_progress=note)
     assert told == [(step / 500, f"step {step}") for step in range(500)]
 
 
-async def test_stray_output_goes_to_the_log_and_never_into_the_protocol(pool: WorkerPool, log: Path) -> None:
+async def test_stray_output_goes_to_the_log_and_never_into_the_protocol(shared_pool: tuple[WorkerPool, Path]) -> None:
+    kept, log = shared_pool
     for _ in range(2):
-        assert (await run(pool, "write_to_standard_output")).text == "true answer"
+        assert (await run(kept, "write_to_standard_output")).text == "true answer"
     written = log.read_text()
     for stray in ("forged by native code", "forged by print", "forged by puts", "no newline at the end"):
         assert stray in written
 
 
-async def test_started_program_cannot_read_the_orders(pool: WorkerPool) -> None:
-    assert (await run(pool, "read_standard_input")).number == 0
-    assert (await run(pool, "echo", "next")).text == "next"
+async def test_started_program_cannot_read_the_orders(kept: WorkerPool) -> None:
+    assert (await run(kept, "read_standard_input")).number == 0
+    assert (await run(kept, "echo", "next")).text == "next"
 
 
 async def test_sums_are_computed_by_one_thread(pool: WorkerPool, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -175,6 +198,7 @@ async def test_worker_that_died_while_idle_is_replaced(pool: WorkerPool) -> None
 
 async def test_time_out_ends_the_worker_and_all_that_it_started(pool: WorkerPool) -> None:
     hanging = Hanging()
+    await pid_of_worker(pool)  # only the operation takes time, not the start of a worker on a busy machine
     with pytest.raises(WorkerTimeout, match=r"hang took longer than 2 s") as caught:
         await run(pool, "hang", timeout_s=2, on_progress=hanging)
     assert "operation_timeout_s" in caught.value.next_step
@@ -213,32 +237,32 @@ async def test_memory_beyond_the_limit_is_a_failure_of_that_call_only(pool: Work
     assert (await run(pool, "fill_memory", number=1000)).number == 1000
 
 
-async def test_a_refusal_comes_back_unchanged(pool: WorkerPool) -> None:
+async def test_a_refusal_comes_back_unchanged(kept: WorkerPool) -> None:
     with pytest.raises(UnknownName) as caught:
-        await run(pool, "refuse")
+        await run(kept, "refuse")
     assert caught.value.text == "[unknown_name] there is no such thing. Valid: this, that. Next: ask for this."
 
 
-async def test_defect_of_an_operation_has_an_incident_number_and_keeps_its_details(pool: WorkerPool) -> None:
-    before = await pid_of_worker(pool)
+async def test_defect_of_an_operation_has_an_incident_number_and_keeps_its_details(kept: WorkerPool) -> None:
+    before = await pid_of_worker(kept)
     with pytest.raises(UnexpectedFailure) as caught:
-        await run(pool, "fail", "Alice")
+        await run(kept, "fail", "Alice")
     assert "secret of Alice" in caught.value.details
     assert "secret" not in caught.value.text
-    assert await pid_of_worker(pool) == before, "a defect in Python does not cost the worker"
+    assert await pid_of_worker(kept) == before, "a defect in Python does not cost the worker"
 
 
-async def test_refusal_of_the_operating_system_is_logged(pool: WorkerPool, caplog: pytest.LogCaptureFixture) -> None:
+async def test_refusal_of_the_operating_system_is_logged(kept: WorkerPool, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.ERROR), pytest.raises(ResourceFailure, match="No such file"):
-        await run(pool, "read_missing_file")
+        await run(kept, "read_missing_file")
     assert "/no/such/file" in caplog.text
 
 
 @pytest.mark.parametrize("entry_point", ["answer_with_no_model", "no_such_operation"])
-async def test_operation_that_breaks_its_contract_is_a_defect(pool: WorkerPool, entry_point: str) -> None:
+async def test_operation_that_breaks_its_contract_is_a_defect(kept: WorkerPool, entry_point: str) -> None:
     with pytest.raises(UnexpectedFailure):
-        await run(pool, entry_point)
-    assert (await run(pool, "echo", "next")).text == "next"
+        await run(kept, entry_point)
+    assert (await run(kept, "echo", "next")).text == "next"
 
 
 async def test_failing_listener_does_not_look_like_a_dead_worker(pool: WorkerPool) -> None:
@@ -250,11 +274,11 @@ async def test_failing_listener_does_not_look_like_a_dead_worker(pool: WorkerPoo
     assert (await run(pool, "echo", "next")).text == "next"
 
 
-async def test_calls_share_the_workers_and_wait_for_each_other(pool: WorkerPool) -> None:
+async def test_calls_share_the_workers_and_wait_for_each_other(kept: WorkerPool) -> None:
     pids: set[int] = set()
 
     async def note_pid() -> None:
-        pids.add(await pid_of_worker(pool))
+        pids.add(await pid_of_worker(kept))
 
     async with anyio.create_task_group() as tasks:
         for _ in range(5):

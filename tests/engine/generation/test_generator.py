@@ -253,7 +253,7 @@ def test_after_the_most_rounds_the_best_scenario_is_returned_with_its_faults(
 
 @pytest.mark.usefixtures("unknown_sites")
 def test_a_scenario_is_the_same_if_its_site_was_built_for_another_one(tmp_path: Path) -> None:
-    wishes = [{"seed": 1, "density": "high"}, {"seed": 2, "vehicles": (VehicleDemand(vehicle_class="truck"),)}]
+    wishes = [{"seed": 1}, {"seed": 2, "vehicles": (VehicleDemand(vehicle_class="truck"),)}]
 
     def made(folder: Path, wish: dict[str, Any]) -> list[bytes]:
         folder.mkdir()
