@@ -153,7 +153,8 @@ class Shrunk(Model):
     ``edits``: the whole list, which replaces the failure's. ``kept``: the road users that the failure needs in addition
     to the counterpart and added road users. ``needed``: the parameters that cannot return to their ordinary value.
     ``is_minimal``: no further road user can be left out; False if the runs were used up before this was shown.
-    ``duration_s``: the end of the time span; None if it could not be cut.
+    ``lanelets``: those that are left of ``lanelets_before``. ``area_m``: length and width of the part of the map around
+    the ego's start. ``duration_s``: the end of the time span. These two are None if nothing could be cut.
     """
 
     edits: tuple[Edit, ...]
@@ -165,6 +166,9 @@ class Shrunk(Model):
     kept: tuple[int, ...] = ()
     needed: tuple[str, ...] = ()
     is_minimal: bool = True
+    lanelets_before: int = 0
+    lanelets: int = 0
+    area_m: tuple[float, float] | None = None
     duration_s: float | None = None
 
 
@@ -198,6 +202,8 @@ class ShrunkFailure(Model):
     edits: tuple[Edit, ...] = Field(description="the edits of the base")
     road_users_before: int = Field(description="road users of the failure")
     road_users: int = Field(description="road users that are left")
+    lanelets_before: int = Field(0, description="lanelets of the base")
+    lanelets: int = Field(0, description="lanelets that are left")
     needed: tuple[str, ...] = Field((), description="parameters that matter, with their values")
     runs: int = Field(description="runs that the reduction took")
     is_minimal: bool = Field(True, description="whether no single road user can be left out")

@@ -270,6 +270,8 @@ class _Search:
                 edits=reduced.edits,
                 road_users_before=reduced.road_users_before,
                 road_users=reduced.road_users,
+                lanelets_before=reduced.lanelets_before,
+                lanelets=reduced.lanelets,
                 needed=tuple(parameters[name].stated(reduced.values[name]) for name in reduced.needed),
                 runs=reduced.runs,
                 is_minimal=reduced.is_minimal,

@@ -105,17 +105,18 @@ def prevention_of(
 
 
 def drivers_that_avoid(
-    ego: Track, others: Sequence[Track], lane: Points | None, step_s: float, friction: float | None = None
+    ego: Track, others: Sequence[Track], lane: Points | DriverPath | None, step_s: float, friction: float | None = None
 ) -> tuple[DriverModelName, ...]:
     """Return the names of UN R157's careful and fuzzy drivers that hit nothing in the ego's place.
 
-    They start as the ego does, keep its lane and initial speed until they react, and drive as long as the ego did.
+    They start as the ego does, keep its lane and initial speed until they react, and drive as long as the ego did. A
+    lane that is given as a path keeps the projections of the road users for further calls.
     """
     drivers: dict[DriverModelName, ReferenceDriver] = {"r157_careful": CarefulDriver(), "fsm": FuzzyDriver()}
     if not others:
         return tuple(drivers)
     count = len(ego.positions)
-    way = DriverPath.driven(ego) if lane is None else DriverPath.along(lane)
+    way = lane if isinstance(lane, DriverPath) else DriverPath.driven(ego) if lane is None else DriverPath.along(lane)
     scene = DriverScene(
         nominal=NominalMotion.along_lane(way, ego, count, step_s, comfortable_mps2(friction)),
         body=ego.size_m,

@@ -9,6 +9,7 @@ file: :class:`NeedsFile` says so, before anything is simulated.
 """
 
 import copy
+import math
 import tempfile
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -24,7 +25,7 @@ from ..geometry import Points, Values, wrap_angle
 from ..scene import Ego
 from ..vehicles import Motion
 from .apply import NET_FILE, ego_of_base, resolved_edits, simulated_edits
-from .changes import Changes, GoalChange
+from .changes import FEWEST_STATES, Changes, GoalChange
 from .edited_scene import SimulatedEdits
 from .report import infeasible_vehicles
 from .scene_cache import KeptScene, scene_of
@@ -47,24 +48,29 @@ class EditedScenario:
     """A scenario after edits, in memory.
 
     ``loaded``: the scenario as a run reads it. ``simulated``: the edits after their simulation. ``infeasible``: the
-    touched vehicles whose motion a vehicle of their class cannot drive, by ascending id.
+    touched vehicles whose motion a vehicle of their class cannot drive, by ascending id. ``is_cut``: whether simulated
+    motions end before the recording does.
     """
 
     loaded: LoadedScenario
     simulated: SimulatedEdits
     infeasible: tuple[int, ...]
+    is_cut: bool = False
 
 
 @dataclass
 class EditableScenario:
     """A base scenario that can be edited in memory any number of times. The folder holds SUMO's network.
 
-    Use it in a ``with`` block.
+    Use it in a ``with`` block. ``horizon_s``: how long after the ego's start the motion of simulated vehicles is
+    needed; None means up to the end of the recording. A shorter simulation does not show what a vehicle would hit
+    later, for which ``edited`` might change its motion before.
     """
 
     xml: Path
     problem_id: int | None = None
     seed: int = 0
+    horizon_s: float | None = None
     _goals: dict[str, "PlanningProblemSet"] = field(default_factory=dict)
 
     def __enter__(self) -> "EditableScenario":
@@ -76,6 +82,10 @@ class EditableScenario:
         net = Path(self._folder.name) / NET_FILE
         net.write_text(scene.sumo_net, encoding="utf-8")
         self._setup = SimulationSetup(net, net.parent, scene.step_s, scene.last_step, self.seed)
+        self._needed_step = scene.last_step
+        if self.horizon_s is not None and scene.ego is not None:
+            end = scene.ego.step + math.ceil(self.horizon_s / scene.step_s)
+            self._needed_step = min(end, scene.last_step)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -87,8 +97,10 @@ class EditableScenario:
         """The scenario without edits."""
         return self._kept.scene.loaded
 
-    def edited(self, edits: tuple[Edit, ...]) -> EditedScenario:
+    def edited(self, edits: tuple[Edit, ...], *, whole: bool = False) -> EditedScenario:
         """Return the scenario after edits; either all edits are applied or an error is raised.
+
+        ``whole``: simulate up to the end of the recording, whatever the horizon.
 
         Raises:
             NeedsFile: the edits can only be applied with files.
@@ -110,8 +122,15 @@ class EditableScenario:
         )
         start = Changes(next_id=self._first_id, driven={}, ego_drive=partial(ego_of_base, self._kept, self._setup))
         resolved = resolved_edits(edits, base, start)
-        simulated = simulated_edits(request, self._kept, self._setup, start, resolved, reports_ego=False)
-        return EditedScenario(self._loaded_after(simulated), simulated, infeasible_vehicles(simulated))
+        setup = self._setup if whole else self._until_needed(resolved.changes)
+        simulated = simulated_edits(request, self._kept, setup, start, resolved, reports_ego=False)
+        is_cut = bool(simulated.result.plans) and setup.last_step < base.last_step
+        return EditedScenario(self._loaded_after(simulated), simulated, infeasible_vehicles(simulated), is_cut)
+
+    def _until_needed(self, changes: Changes) -> SimulationSetup:
+        """Return the simulation up to the needed step, or until every driven vehicle has begun to drive."""
+        begun = max((plan.from_step + FEWEST_STATES for plan in changes.driven.values()), default=0)
+        return replace(self._setup, last_step=min(max(self._needed_step, begun), self._setup.last_step))
 
     def _loaded_after(self, edited: SimulatedEdits) -> LoadedScenario:
         base, changes, result = self.loaded, edited.changes, edited.result

@@ -1,6 +1,6 @@
 """A worker's cache of scenes: a scenario is edited repeatedly, and reading it takes longer than an edit."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -26,9 +26,12 @@ class KeptScene:
         return leader_and_follower(self.scene, self.scene.ego) if self.scene.ego else (None, None)
 
     def ego_before(self, setup: SimulationSetup) -> EgoDrive | None:
-        """Return the ego's drive by an ordinary driver among the recorded vehicles; the last seed's drive is cached."""
+        """Return the ego's drive by an ordinary driver among the recorded vehicles, up to the end of the recording.
+
+        The last seed's drive is cached.
+        """
         if setup.seed not in self._drives:
-            drive = base_drive(self.scene, setup)
+            drive = base_drive(self.scene, replace(setup, last_step=self.scene.last_step))
             self._drives.clear()
             self._drives[setup.seed] = drive
         return self._drives[setup.seed]

@@ -11,9 +11,9 @@ import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ from ..execution import silent
 from ..geometry import Points, Values
 from ..planners import (
     DrivenRun,
+    DriverPath,
     EgoState,
     Planner,
     ScenarioFile,
@@ -66,18 +67,26 @@ _RECORDED = "recorded"
 _NO_DEMAND = "the planner was not run: its drive through the unchanged base would not collide avoidably"
 HOPELESS: Final = 0.5
 """The demand of a point at which no careful driver would avoid the collision of the drive through the base."""
+_Stop = Literal["encounter_over", "horizon"]
+"""Why a run without a verdict was stopped."""
+_FAILURES = ("collision", "off_road", "infeasible")
+"""Outcomes of runs that are judged by the reference drivers."""
 _WITH_NEARNESS = ("safe", "failed_unavoidably")
 """Outcomes that a search scores by how near other road users came."""
 
 
 @dataclass(frozen=True)
 class _Point:
-    """An edited scenario, its file if there is one, and the edits that prescribe each road user's motion."""
+    """An edited scenario, its file if there is one, and the edits that prescribe each road user's motion.
+
+    ``is_cut``: whether simulated motions end with the horizon.
+    """
 
     loaded: LoadedScenario
     manoeuvres: Mapping[int, str]
     infeasible: tuple[int, ...]
     path: Path | None = None
+    is_cut: bool = False
 
 
 @dataclass(frozen=True)
@@ -154,7 +163,8 @@ class Evaluator:
         setting = self._setting
         with ExitStack() as stack:
             self._folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-            self._base = stack.enter_context(EditableScenario(setting.xml, setting.problem_id, setting.seed))
+            base = EditableScenario(setting.xml, setting.problem_id, setting.seed, _needed_s(setting))
+            self._base = stack.enter_context(base)
             self._stack = stack.pop_all()
         return self
 
@@ -182,34 +192,49 @@ class Evaluator:
         """
         point = self._point(edits)
         if isinstance(point, str):
-            return DrivenPoint(Evaluation(outcome="implausible", reason=point, end="not_run"))
-        return self._run(point, screens=screens)
+            return _implausible(point)
+        demand, run, stopped = self._run(point, screens=screens)
+        if run is None:
+            return DrivenPoint(Evaluation(outcome="safe", reason=_NO_DEMAND, end="not_run"), demand=demand)
+        if point.is_cut and run.verdict is not None and run.verdict.outcome in _FAILURES:
+            # Failures count as they are if the simulated vehicles drive up to the end of the recording.
+            whole = self._point(edits, whole=True)
+            if isinstance(whole, str):
+                return _implausible(whole)
+            if self._setting.traffic == "reactive" or not _move_alike(point, whole):
+                demand, again, stopped = self._run(whole, screens=False)
+                run = again or run
+            point = whole
+        judged = _Judged(self._setting, point, *self._problem(point.loaded), run)
+        evaluation = judged.evaluation(stopped)
+        near = judged.nearness if evaluation.outcome in _WITH_NEARNESS else None
+        return DrivenPoint(evaluation, run, near, demand)
 
     def edited(self, edits: Sequence[Edit]) -> LoadedScenario | None:
         """Return the base after edits, or None if they are implausible; nothing is run."""
         point = self._point(edits)
         return None if isinstance(point, str) else point.loaded
 
-    def _point(self, edits: Sequence[Edit]) -> "_Point | str":
-        """Return the base after edits, or why they are implausible."""
+    def _point(self, edits: Sequence[Edit], *, whole: bool = False) -> "_Point | str":
+        """Return the base after edits, or why they are implausible; ``whole`` as in ``EditableScenario.edited``."""
         earlier = self._setting.earlier
         try:
-            point = self._edited((*earlier, *(edit.numbered_after(len(earlier)) for edit in edits)))
+            point = self._edited((*earlier, *(edit.numbered_after(len(earlier)) for edit in edits)), whole=whole)
         except InvalidRequest as refusal:
             return refusal.message
         if point.infeasible:
             return f"no vehicle of its class can drive the motion of {', '.join(map(str, point.infeasible))}"
         return point
 
-    def _edited(self, edits: tuple[Edit, ...]) -> _Point:
+    def _edited(self, edits: tuple[Edit, ...], *, whole: bool) -> _Point:
         if not self._reads_file:
             try:
-                edited = self._base.edited(edits)
+                edited = self._base.edited(edits, whole=whole)
             except NeedsFile:
                 return self._written(edits)
             simulated = edited.simulated
             done = ((edit.op, step.vehicles) for edit, step in zip(simulated.edits, simulated.steps, strict=True))
-            return _Point(edited.loaded, _manoeuvres(done), edited.infeasible)
+            return _Point(edited.loaded, _manoeuvres(done), edited.infeasible, is_cut=edited.is_cut)
         return self._written(edits)
 
     def _written(self, edits: tuple[Edit, ...]) -> _Point:
@@ -232,11 +257,16 @@ class Evaluator:
         done = ((report.op, report.vehicles) for report in outcome.edits)
         return _Point(kept_recording(path, keep=False).loaded, _manoeuvres(done), infeasible, path)
 
-    def _run(self, point: _Point, *, screens: bool) -> DrivenPoint:
-        setting, loaded = self._setting, point.loaded
+    def _problem(self, loaded: LoadedScenario) -> "tuple[PlanningProblem, VehicleParameters]":
+        setting = self._setting
         problem = loaded.problem(setting.problem_id)
         vehicle = vehicle_of(setting.configuration.settings, loaded.ego_class(int(problem.planning_problem_id)))
-        vehicle = vehicle.on_road(loaded.friction)
+        return problem, vehicle.on_road(loaded.friction)
+
+    def _run(self, point: _Point, *, screens: bool) -> "tuple[float | None, DrivenRun | None, _Stop]":
+        """Return the demand of a point, its run unless screening makes it needless, and why the run was stopped."""
+        setting, loaded = self._setting, point.loaded
+        problem, vehicle = self._problem(loaded)
         file = None if point.path is None else ScenarioFile(point.path, loaded.benchmark_id)
         ending = _Ending(round(setting.horizon_s / loaded.step_s), loaded.step_s)
         with (
@@ -246,10 +276,10 @@ class Evaluator:
             # Traffic that reacts has no motion before the run.
             demand = None
             if self._drive is not None and setting.traffic == "recorded":
-                lane = lane_line(loaded.scenario, problem, vehicle)
+                lane = lane_line(loaded.scenario, problem, vehicle, loaded.made)
                 demand = _demand(self._drive, traffic.moving, traffic.standing, loaded, lane)
                 if screens and demand < 1.0:
-                    return DrivenPoint(Evaluation(outcome="safe", reason=_NO_DEMAND, end="not_run"), demand=demand)
+                    return demand, None, "horizon"
             run = simulate(
                 loaded.scenario,
                 problem,
@@ -264,10 +294,42 @@ class Evaluator:
                 is_over=ending.is_over,
                 made=loaded.made if is_built_in(setting.configuration.planner) else None,
             )
-        judged = _Judged(setting, point, problem, vehicle, run)
-        evaluation = judged.evaluation(ending)
-        near = judged.nearness if evaluation.outcome in _WITH_NEARNESS else None
-        return DrivenPoint(evaluation, run, near, demand)
+        return demand, run, "encounter_over" if ending.by_encounter else "horizon"
+
+
+def _needed_s(setting: EncounterSetting) -> float:
+    """Return how long after the ego's start the motion of vehicles that edits simulate can matter before the horizon.
+
+    A planner may know the others' future. In reactive traffic, a vehicle's motion says where it goes (twice the horizon
+    is chosen).
+    """
+    if setting.traffic == "reactive":
+        return 2 * setting.horizon_s
+    foreseen_s = setting.configuration.settings.horizon_s if setting.prediction == "ground_truth" else 0.0
+    return setting.horizon_s + foreseen_s
+
+
+def _implausible(reason: str) -> DrivenPoint:
+    return DrivenPoint(Evaluation(outcome="implausible", reason=reason, end="not_run"))
+
+
+def _move_alike(point: _Point, other: _Point) -> bool:
+    """Return True if each road user of two points moves alike until the first of its two motions ends."""
+    tracks, others = point.loaded.tracks, other.loaded.tracks
+    return tracks.keys() == others.keys() and all(_is_beginning(track, others[key]) for key, track in tracks.items())
+
+
+def _is_beginning(track: Track, other: Track) -> bool:
+    """Return True if a motion equals the beginning of another, or the other equals its beginning."""
+    if track is other:
+        return True
+    count = min(len(track.positions), len(other.positions))
+    return (
+        track.first_step == other.first_step
+        and np.array_equal(track.positions[:count], other.positions[:count])
+        and np.array_equal(track.headings_rad[:count], other.headings_rad[:count])
+        and np.array_equal(track.speeds_mps[:count], other.speeds_mps[:count])
+    )
 
 
 def _manoeuvres(done: Iterable[tuple[EditOperation, Sequence[int]]]) -> dict[int, str]:
@@ -345,8 +407,8 @@ class _Judged:
     vehicle: VehicleParameters
     run: DrivenRun
 
-    def evaluation(self, ending: _Ending) -> Evaluation:
-        """Return how the planner fared."""
+    def evaluation(self, stopped: _Stop) -> Evaluation:
+        """Return how the planner fared; ``stopped``: why a run without a verdict ended."""
         verdict = self.run.verdict
         if verdict is not None and verdict.outcome == "invalid":
             contact = verdict.invalid_reason == "initial_collision"
@@ -357,8 +419,7 @@ class _Judged:
                 end="not_run",
             )
         if verdict is None:
-            end = "encounter_over" if ending.by_encounter else "horizon"
-            return self._nearest().model_copy(update={"end": end, "reason": _STOPPED[end]})
+            return self._nearest().model_copy(update={"end": stopped, "reason": _STOPPED[stopped]})
         ended = {"run_outcome": verdict.outcome, "reason": verdict.reason}
         if verdict.outcome == "collision" and (hit := self._contact()) is not None:
             return self._after_contact(self._safe.model_copy(update=ended), hit)
@@ -372,6 +433,10 @@ class _Judged:
     @property
     def _step_s(self) -> float:
         return self.point.loaded.step_s
+
+    @property
+    def _lane(self) -> Points | None:
+        return lane_line(self.point.loaded.scenario, self.problem, self.vehicle, self.point.loaded.made)
 
     @property
     def _safe(self) -> Evaluation:
@@ -412,8 +477,7 @@ class _Judged:
         """Evaluate a run that left the road or had no trajectory: avoidable if a reference driver hits nothing."""
         ego, loaded = driven_ego(self.run.states, self.vehicle), self.point.loaded
         others = (*self.run.traffic.moving, *static_tracks(loaded.scenario, ego.last_step).values())
-        lane = lane_line(loaded.scenario, self.problem, self.vehicle)
-        drivers = drivers_that_avoid(ego, others, lane, self._step_s, loaded.friction)
+        drivers = drivers_that_avoid(ego, others, self._lane, self._step_s, loaded.friction)
         return found.model_copy(
             update={
                 "outcome": "failed_avoidably" if drivers else "failed_unavoidably",
@@ -451,7 +515,7 @@ class _Judged:
         last = steps.first_step + len(steps.x_m)
         tracks = static_tracks(loaded.scenario, last) | loaded.tracks | driven_tracks(steps)
         predict = predictor(setting.prediction, loaded.scenario.lanelet_network)
-        return contact_in(record, steps, tracks, predict, lane_line(loaded.scenario, self.problem, self.vehicle))
+        return contact_in(record, steps, tracks, predict, self._lane)
 
     def _record(self) -> RunRecord:
         """Return a record of the run with the fields that the review of a collision needs."""
@@ -493,7 +557,8 @@ def _demand(
     hit = others[int(met.track[touching[int(np.argmin(met.state[touching]))]])].obstacle_id
     known = {track.obstacle_id: track for track in moving} | static_tracks(loaded.scenario, ego.last_step)
     first = known.pop(hit)
-    drivers = drivers_that_avoid(ego, (first, *known.values()), lane, loaded.step_s, loaded.friction)
+    path = None if lane is None else loaded.made.get(("path", id(lane)), partial(DriverPath.along, lane), lane)
+    drivers = drivers_that_avoid(ego, (first, *known.values()), path, loaded.step_s, loaded.friction)
     return 1.0 if drivers else HOPELESS
 
 

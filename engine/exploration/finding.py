@@ -8,6 +8,7 @@ of a road user is near it, but has done nothing wrong.
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,8 +31,9 @@ from ...schemas.failures import (
     SpeedBand,
 )
 from ...schemas.modification import Edit
+from ..commonroad import LoadedScenario
 from ..execution import ProgressReporter
-from ..planners import DrivenRun, lane_line
+from ..planners import DrivenRun, EgoState, lane_line
 from ..scene import Scene
 from ..vehicles import VehicleParameters, vehicle_of
 from .concrete import concrete_edits
@@ -51,10 +53,24 @@ behind says nothing about the encounter that is sought."""
 _FASTEST_MPS = 30.0
 SLOW_MPS, FAST_MPS = 3.0, 10.0
 """Bounds of the speed bands: walking pace, and an urban street's speed (chosen)."""
-_Candidate = tuple[tuple[int, ...], tuple[float, ...], float | None]
-"""A reduced failure: the recorded road users that it keeps without needing them, values, and the end of its time."""
 _AFTER_S = 0.5
 """A reduced failure ends this long after its failure."""
+_ROOM_M = 10.0
+"""A reduced map extends this much beyond the ego's start and its goal (chosen: more than half of a truck's length)."""
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A reduced failure: the recorded road users that it keeps without needing them, its values, map and time.
+
+    ``area_m``: length and width of the part of the map around the ego's start; ``duration_s``: the end of its time.
+    None means that nothing is cut.
+    """
+
+    kept: tuple[int, ...]
+    values: tuple[float, ...]
+    area_m: tuple[float, float] | None = None
+    duration_s: float | None = None
 
 
 def open_space(request: SpaceRequest, report: ProgressReporter) -> SearchSpace:
@@ -207,7 +223,8 @@ def speed_band(speed_mps: float | None) -> SpeedBand:
 def shrink_failure(request: ShrinkRequest, report: ProgressReporter) -> Shrunk:
     """Reduce a failure to a simpler scenario in which the planner fails in the same way.
 
-    The reduced scenario has fewer road users, values nearer to the base, and a shorter time span.
+    The reduced scenario has fewer road users, a smaller map, values nearer to the base, and a shorter time span. The
+    time is cut last: before, it would keep values from moving to where the failure happens later.
 
     Raises:
         InvalidRequest: there is no failure at the point.
@@ -240,18 +257,23 @@ def shrunk(evaluator: Evaluator, request: ShrinkRequest, report: ProgressReporte
 
     trials: Trials[_Candidate] = Trials(remains, request.most_runs)
     report(0.1, "leaving out road users")
-    subset = minimal_subset(others, lambda kept: trials((kept, values, None)))
-    report(0.5, "moving parameters back")
+    subset = minimal_subset(others, lambda kept: trials(_Candidate(kept, values)))
+    report(0.4, "cutting the map")
+    found = _Candidate(subset.items, values)
+    areas = _areas_m(evaluator, request.setting.problem_id)
+    found = replace(found, area_m=smallest(areas, lambda area: trials(replace(found, area_m=area))))
+    report(0.6, "moving parameters back")
     base = tuple(round(parameter.base_value, 4) for parameter in stratum.parameters)
-    near = nearest_values(values, base, lambda tried: trials((subset.items, tried, None)))
-    duration = None
-    failed_s = ended_s.get((subset.items, near.values, None), first.time_s)
+    near = nearest_values(values, base, lambda tried: trials(replace(found, values=tried)))
+    found = replace(found, values=near.values)
+    failed_s = ended_s.get(found, first.time_s)
     if failed_s is not None:
         report(0.8, "cutting the time")
         until = round(failed_s + _AFTER_S, 2)
-        duration = smallest([until], lambda one: trials((subset.items, near.values, one)))
-    edits = _reduced(stratum, request.recorded, needed, (subset.items, near.values, duration))
+        found = replace(found, duration_s=smallest([until], lambda one: trials(replace(found, duration_s=one))))
+    edits = _reduced(stratum, request.recorded, needed, found)
     evaluation = evaluator.evaluate(edits)
+    whole, small = evaluator.edited(()), evaluator.edited(edits)
     added = sum(edit.op == "add_vehicle" for edit in edits)
     names = [parameter.name for parameter in stratum.parameters]
     return Shrunk(
@@ -264,8 +286,38 @@ def shrunk(evaluator: Evaluator, request: ShrinkRequest, report: ProgressReporte
         kept=subset.items,
         needed=tuple(names[index] for index in near.changed),
         is_minimal=subset.is_minimal,
-        duration_s=duration,
+        lanelets_before=_lanelets(whole),
+        lanelets=_lanelets(small),
+        area_m=found.area_m,
+        duration_s=found.duration_s,
     )
+
+
+def _lanelets(loaded: LoadedScenario | None) -> int:
+    return 0 if loaded is None else len(loaded.scenario.lanelet_network.lanelets)
+
+
+def _areas_m(evaluator: Evaluator, problem_id: int | None) -> list[tuple[float, float]]:
+    """Return lengths and widths of areas around the ego's start, along its heading, each about half of the one before.
+
+    The first is about half of the map. The last just contains the goal, without which no planner could start.
+    """
+    loaded = evaluator.edited(())
+    if loaded is None:
+        return []
+    problem = loaded.problem(problem_id)
+    ego, places = EgoState.of(problem.initial_state), [state.position for state in problem.goal.state_list]
+    goals = [place.shapely_object.centroid.coords[0] for place in places if hasattr(place, "shapely_object")]
+    lanelets = loaded.scenario.lanelet_network.lanelets
+    far_m = float(np.abs(np.concatenate([one.polygon.vertices for one in lanelets]) - ego.position).max())
+    away = np.array([ego.position, *goals]) - ego.position
+    cos, sin = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
+    least = [2 * (math.ceil(float(np.abs(away @ axis).max())) + _ROOM_M) for axis in ((cos, sin), (-sin, cos))]
+    areas: list[tuple[float, float]] = []
+    while not areas or areas[-1] != (least[0], least[1]):
+        far_m = float(math.ceil(far_m / 2)) if far_m > 1.0 else 0.0
+        areas.append((max(2 * far_m, least[0]), max(2 * far_m, least[1])))
+    return areas
 
 
 def _edits(stratum: LogicalScenario, values: Sequence[float]) -> tuple[Edit, ...]:
@@ -276,14 +328,16 @@ def _edits(stratum: LogicalScenario, values: Sequence[float]) -> tuple[Edit, ...
 def _reduced(
     stratum: LogicalScenario, recorded: Sequence[int], needed: set[int], candidate: _Candidate
 ) -> tuple[Edit, ...]:
-    """Return the edits for only some of the road users, with different values and possibly an earlier end."""
-    kept, values, duration = candidate
-    removed = [str(key) for key in recorded if key not in kept and key not in needed]
-    edits = [*_edits(stratum, values)]
+    """Return the edits for only some of the road users, with different values, and a smaller map and time."""
+    removed = [str(key) for key in recorded if key not in candidate.kept and key not in needed]
+    edits = [*_edits(stratum, candidate.values)]
     if removed:
         edits.append(Edit(op="remove_vehicle", vehicles=removed))
-    if duration is not None:
-        edits.append(Edit(op="crop", duration_s=duration))
+    area_m, duration_s = candidate.area_m, candidate.duration_s
+    if area_m is not None:
+        edits.append(Edit(op="crop", at="ego", rectangle_m=[*area_m], duration_s=duration_s))
+    elif duration_s is not None:
+        edits.append(Edit(op="crop", duration_s=duration_s))
     return tuple(edits)
 
 

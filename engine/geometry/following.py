@@ -196,14 +196,16 @@ def _costs(stations: Values, distances: Values, last_m: float, reach_m: float) -
     return distances + _COST_PER_M * np.maximum(np.abs(stations - last_m) - reach_m, 0.0)
 
 
-def project_along(points: Points, track: Points, begin_m: float | None = None) -> tuple[Values, Values]:
+def project_along(
+    points: "Points | PathFollower", track: Points, begin_m: float | None = None
+) -> tuple[Values, Values]:
     """Project the positions of a track onto a line with continuity, on the lap of the track.
 
     Unlike :func:`~.polyline.project_all`, which projects each position separately onto the nearest point, this function
     follows the track from its first position. Use it for the track of a vehicle on a line that may come near itself.
 
     Args:
-        points: The line, shape (n, 2), at least two points.
+        points: The line, shape (n, 2), at least two points, or a follower of it, which saves its preparation.
         track: Positions in driving order, shape (m, 2).
         begin_m: The station near which the track starts. If it is None, every lap that passes the first position is
             tried, and the lap to which the track stays nearest is used. In a tie, it is the first lap on the line.
@@ -213,7 +215,7 @@ def project_along(points: Points, track: Points, begin_m: float | None = None) -
     """
     if not len(track):
         return np.empty(0), np.empty(0)
-    line = PathFollower(points)
+    line = points if isinstance(points, PathFollower) else PathFollower(points)
     begins = [begin_m] if begin_m is not None else sorted(line.beginnings(track[0]).tolist())
     feet = line.feet_of(track)
     followed = []

@@ -44,6 +44,18 @@ class EgoState:
     yaw_rate_radps: float = 0.0
     steering_rad: float | None = None
 
+    @property
+    def key(self) -> tuple[float, ...]:
+        """All values of a state without a steering angle, to look up what depends on it."""
+        return (
+            self.step,
+            *self.position.tolist(),
+            self.heading_rad,
+            self.speed_mps,
+            self.acceleration_mps2,
+            self.yaw_rate_radps,
+        )
+
     @classmethod
     def of(cls, state: Any) -> "EgoState":
         """Return the ego in an initial state; intervals are replaced by their midpoints, missing values as 0."""

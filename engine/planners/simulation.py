@@ -156,9 +156,8 @@ def _task(
     if made is None:
         return _new_task(scenario, problem, configuration, ego, vehicle)
     network, goal, horizon_s = scenario.lanelet_network, problem.goal, configuration.settings.horizon_s
-    start = ego.step, *ego.position.tolist(), ego.heading_rad, ego.speed_mps, ego.acceleration_mps2, ego.yaw_rate_radps
     task = made.get(
-        ("task", id(network), id(goal), start, horizon_s, vehicle, float(scenario.dt)),
+        ("task", id(network), id(goal), ego.key, horizon_s, vehicle, float(scenario.dt)),
         lambda: _new_task(scenario, problem, configuration, ego, vehicle),
         network,
         goal,

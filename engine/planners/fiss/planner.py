@@ -71,6 +71,14 @@ class _Step:
     rejected: Counter[str] = field(default_factory=Counter)
     candidates: int = 0
     core_s: float = 0.0
+    _obstacles: dict[float, list["fiss_planner.Obstacle"]] = field(default_factory=dict)
+
+    def obstacles(self, step_s: float, until_s: float) -> list["fiss_planner.Obstacle"]:
+        """Return the obstacles that can matter until a time."""
+        if until_s not in self._obstacles:
+            seen = self.observation
+            self._obstacles[until_s] = core_obstacles(seen.obstacles, seen.ego, self.reach_m, step_s, until_s)
+        return self._obstacles[until_s]
 
 
 class Fiss:
@@ -180,7 +188,7 @@ class Fiss:
         ego = step.observation.ego
         slow = ego.speed_mps < LOW_SPEED_MPS
         corridor = self._kept_offset(step) if slow else self._lanes(step)
-        obstacles = core_obstacles(step.observation.obstacles, ego, step.reach_m, self._task.step_s, until_s)
+        obstacles = step.obstacles(self._task.step_s, until_s)
         core = self._core(care, slow=slow, every_candidate=every_candidate)
         began = perf_counter()
         result = core.plan(step.start, self._path.line, corridor, obstacles, target_speed=target_mps)

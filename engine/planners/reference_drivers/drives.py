@@ -9,7 +9,7 @@ braking to a standstill if it was braking.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -145,7 +145,8 @@ class DriverScene:
         near = []
         for track in self.others:
             begin, end = self.first_step - track.first_step, last - track.first_step + 1
-            part = track.part(max(begin, 0), min(max(end, 0), len(track.positions)))
+            states = max(begin, 0), min(max(end, 0), len(track.positions))
+            part = self.nominal.path.kept.get((id(track), *states), partial(track.part, *states), track)
             room = max(track.size_m)
             inside = (part.positions > low - room) & (part.positions < high + room)
             if len(part.positions) and bool(inside.all(axis=1).any()):
@@ -154,7 +155,10 @@ class DriverScene:
 
     def _on_path(self, track: Track) -> OnPath:
         index = min(max(track.first_step - self.first_step, 0), self.count - 1)
-        return OnPath.of(self.nominal.path, track, self.step_s, float(self.nominal.stations_m[index]))
+        path, near_m = self.nominal.path, float(self.nominal.stations_m[index])
+        return path.kept.get(
+            ("row", id(track), self.step_s, near_m), lambda: OnPath.of(path, track, self.step_s, near_m), track
+        )
 
     def drive(self, driver: ReferenceDriver, takes_over: int = 0) -> Driven:
         """Return the motion of a driver that takes over at a given state."""

@@ -14,12 +14,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...commonroad import Track
-from ...geometry import Points, Values, arc_length, interpolate, project_along, without_repeats, wrap_angles
+from ...commonroad import MadeOnce, Track
+from ...geometry import (
+    PathFollower,
+    Points,
+    Values,
+    arc_length,
+    interpolate,
+    project_along,
+    without_repeats,
+    wrap_angles,
+)
 from .models import Seen
 
 AHEAD_M = 200.0
 """Length of a path's straight extension after its end, more than a car on a motorway needs to stop."""
+_MOST_KEPT = 256
+"""Values that a path keeps (chosen): two for each road user, some kB each."""
 _NARROW = ("pedestrian", "bicycle", "motorcycle")
 """Types that hide no other road user; all other types are as broad as a car."""
 
@@ -30,6 +41,11 @@ class DriverPath:
 
     points: Points
     headings_rad: Values
+
+    @cached_property
+    def kept(self) -> MadeOnce:
+        """Road users on the path, for several drives along it."""
+        return MadeOnce(_MOST_KEPT)
 
     @classmethod
     def driven(cls, track: Track) -> "DriverPath":
@@ -67,15 +83,20 @@ class DriverPath:
         after = self.points[-1] + AHEAD_M * np.array([math.cos(end), math.sin(end)])
         return np.vstack([without_repeats(self.points), after])
 
+    @cached_property
+    def _projected(self) -> tuple[PathFollower, Values, Points]:
+        """The line for projections, prepared: a follower, the station of each point, and the step to the next one."""
+        return PathFollower(self._line), arc_length(self._line), np.diff(self._line, axis=0)
+
     def follow(self, positions: Points, near_m: float | None = None) -> tuple[Values, Values, Values]:
         """Return stations (m,), offsets (m,) left positive and the path's headings (m,) for a track of points (m, 2).
 
         ``near_m``: a station near which the track starts, for paths that return to themselves.
         """
-        stations, offsets = project_along(self._line, positions, near_m)
-        begins = arc_length(self._line)
+        line, begins, steps = self._projected
+        stations, offsets = project_along(line, positions, near_m)
         segments = np.clip(np.searchsorted(begins, stations, side="right") - 1, 0, len(begins) - 2)
-        step = np.diff(self._line, axis=0)[segments]
+        step = steps[segments]
         return stations, offsets, np.arctan2(step[:, 1], step[:, 0])
 
 

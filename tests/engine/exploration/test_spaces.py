@@ -143,10 +143,26 @@ def test_a_failure_is_reduced_to_its_counterpart_and_stays_the_same(
     assert small.road_users == 1
     assert small.kept == ()
     assert small.is_minimal
-    assert small.runs <= 10
+    assert small.runs <= 14
     assert small.duration_s is not None
     assert is_same_failure(hit.evaluation, small.evaluation)
     assert is_same_failure(evaluator.evaluate(small.edits), hit.evaluation)
+
+
+def test_a_failure_is_reduced_to_the_part_of_the_map_that_it_needs(tmp_path: Path) -> None:
+    path = write_road("crossing_lights", tmp_path / "crossing.xml")
+    setting = EncounterSetting(xml=path, configuration=preset_configuration("keep_lane", None), horizon_s=6.0)
+    space = open_space(SpaceRequest(setting=setting, base_id="crossing"), silent)
+    stratum = stratum_of(space, "car stands ahead")
+    point = SpacePoint(stratum=stratum.name, shares=(0.2,) * len(stratum.parameters))
+    request = ShrinkRequest(setting=setting, stratum=stratum, point=point, recorded=space.recorded)
+    with Evaluator(setting) as evaluator:
+        small = shrunk(evaluator, request, silent)
+        again = evaluator.evaluate(small.edits)
+    assert small.area_m is not None
+    assert 0 < small.lanelets < small.lanelets_before
+    assert again == small.evaluation
+    assert again.has_failed
 
 
 def test_a_curve_interpolates_numbers_and_steps_through_texts() -> None:
