@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Awaitable, Callable, Collection
+from copy import copy
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -151,6 +152,16 @@ class WorkflowContext:
         for made_id in made_ids:
             self.services.recent.note(kind, made_id)
             self.made_here[kind, made_id] = None
+
+    def within(self, begin: float, end: float) -> "WorkflowContext":
+        """Return this use for a part of its work, whose progress fills a share of the whole."""
+        part = copy(self)
+
+        async def forward(share: float, message: str) -> None:
+            await self.progress(begin + (end - begin) * share, message)
+
+        part._send_progress = forward
+        return part
 
     def newest(self, *kinds: ArtifactKind, count: int = 1) -> list[Artifact]:
         """Return the client's latest artifacts of the given kinds, then those of other clients with a single remark."""

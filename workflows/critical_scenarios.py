@@ -4,7 +4,7 @@ The encounter is a point of the search that ``find_failures`` makes near the sce
 """
 
 from ..engine.tuning import DEFAULT_CONFIGURATION
-from ..schemas.errors import NotPossible
+from ..schemas.errors import NotPossible, WorkerTimeout
 from ..schemas.failures import FindFailuresArguments, careful_drivers_in_words
 from ..schemas.generation import Criticality, GenerateScenariosArguments, GenerateScenariosResult, ScenarioSummary
 from ..schemas.modification import ModifyScenarioArguments
@@ -16,6 +16,14 @@ from .modification import modified_once
 
 RUNS = {"raised": 24, "critical": 60}
 """The budget of each search in runs (chosen: half a minute at most)."""
+_TOO_SLOW = (
+    "Fewer vehicles or a shorter duration_s make the search faster; find_failures with scenario_id '{}' searches as a "
+    "job, which keeps what it has evaluated"
+)
+_GENERATING = 0.3
+"""The share of the progress that the generation of the scenarios gets; the searches take longer (chosen)."""
+_SEARCHING = 0.9
+"""The share of a scenario's search in the progress that remains (chosen); its edit and its run get the rest."""
 _ALREADY = "base_failed_avoidably"
 
 
@@ -29,11 +37,14 @@ async def generate_scenarios(
     """
     if arguments.criticality == "usual" or arguments.cover:
         return await generate_usual_scenarios(arguments, context)
-    made = await generate_usual_scenarios(arguments.model_copy(update={"trial_run": False}), context)
-    scenarios = []
-    for summary in made.scenarios:
-        changed = await with_encounter(context, summary, arguments.criticality, arguments.seed)
-        scenarios.append(await with_trial_run(context, changed) if arguments.trial_run else changed)
+    usual = arguments.model_copy(update={"trial_run": False})
+    made = await generate_usual_scenarios(usual, context.within(0.0, _GENERATING))
+    scenarios, share = list[ScenarioSummary](), (1.0 - _GENERATING) / len(made.scenarios)
+    for number, summary in enumerate(made.scenarios):
+        begin = _GENERATING + number * share
+        part = context.within(begin, begin + share)
+        changed = await with_encounter(part, summary, arguments.criticality, arguments.seed)
+        scenarios.append(await with_trial_run(part, changed) if arguments.trial_run else changed)
     context.made("scenario", *(summary.scenario_id for summary in scenarios))
     return made.model_copy(update={"scenarios": scenarios})
 
@@ -53,8 +64,14 @@ async def with_encounter(
         until_first=criticality == "critical",
         seed=seed,
     )
+
+    async def report(share: float, message: str) -> None:
+        await context.progress(_SEARCHING * share, f"search near {summary.scenario_id}: {message}")
+
     try:
-        encounter = await most_critical(arguments, context, _ignored, failures=criticality == "critical")
+        encounter = await most_critical(arguments, context, report, failures=criticality == "critical")
+    except WorkerTimeout as late:
+        return _unchanged(summary, f"{late.message}. {_TOO_SLOW.format(summary.scenario_id)}")
     except NotPossible as refusal:
         if refusal.reason == _ALREADY:
             return summary.model_copy(update={"encounter": f"not changed, since {refusal.message}"})
@@ -65,7 +82,7 @@ async def with_encounter(
         ModifyScenarioArguments(
             scenario_id=summary.scenario_id, edits=list(encounter.edits), on_conflict="refuse", seed=seed
         ),
-        context,
+        context.within(_SEARCHING, 1.0),
     )
     words = f"{encounter.change}; {_fares(encounter)}; added to {summary.scenario_id}"
     notes = [*summary.notes]
@@ -75,11 +92,6 @@ async def with_encounter(
             "the least margin. Another seed has other traffic"
         )
     return summary.model_copy(update={"scenario_id": str(made.scenario_id), "encounter": words, "notes": notes})
-
-
-def _ignored(share: float, message: str) -> None:
-    """Ignore the progress of the search: the call reports that of its scenarios."""
-    del share, message
 
 
 def _unchanged(summary: ScenarioSummary, reason: str) -> ScenarioSummary:

@@ -4,9 +4,9 @@ A search is a job. Every evaluated batch is stored, so an interrupted search, or
 continues where the last one stopped. The failures that it finds are ordinary edited scenarios with their runs.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import anyio
@@ -52,7 +52,7 @@ _MOST_TRIED = 6
 """A search ends after this many proposals per run, if most are implausible (chosen)."""
 
 
-Report = Callable[[float, str], None]
+Report = Callable[[float, str], Awaitable[None]]
 """Receives the share that is done, and what is being done."""
 
 
@@ -163,7 +163,7 @@ class _Search:
         if self.space is None:
 
             async def forward(share: float, message: str) -> None:
-                report(_OPENING * share, message)
+                await report(_OPENING * share, message)
 
             request = SpaceRequest(setting=self.setting, base_id=self.scenario_id)
             self.space = await self.context.services.workers.run(OPEN_SPACE, request, on_progress=forward)
@@ -182,8 +182,12 @@ class _Search:
 
     async def run(self, progress: JobProgress) -> FailureSearchRecord:
         """Search until the budget is used, store the failures, and return the record."""
-        space = await self.open(progress.report)
-        await self.search(space, progress.report)
+
+        async def report(share: float, message: str) -> None:
+            progress.report(share, message)
+
+        space = await self.open(report)
+        await self.search(space, report)
         return await self._record(space, progress)
 
     async def search(self, space: SearchSpace, report: Report) -> None:
@@ -193,7 +197,7 @@ class _Search:
             self.keep()
             share = min(self.runs / self.arguments.runs, 1.0)
             found = len(self.cells(self.points))
-            report(
+            await report(
                 _OPENING + (0.9 - _OPENING) * share,
                 f"{self.runs} of {self.arguments.runs} runs, {found} distinct failures",
             )
@@ -202,7 +206,7 @@ class _Search:
         """Propose one batch, and evaluate it on all workers."""
         sizes = tuple((stratum.name, len(stratum.parameters)) for stratum in space.strata)
         scores = tuple(one.score for one in self.points)
-        proposed = await self.context.run(
+        proposed = await self.context.services.workers.run(
             PROPOSE_POINTS, ProposalsRequest(strata=sizes, seed=self.arguments.seed, scores=scores)
         )
         workers = max(min(self.context.services.workers.capacity, len(proposed.points)), 1)
@@ -472,7 +476,8 @@ async def find_failures(arguments: FindFailuresArguments, context: WorkflowConte
     recipe = _recipe(arguments, search.scenario_id, search.setting.problem_id, search.configuration)
 
     async def work(progress: JobProgress) -> None:
-        apart = WorkflowContext(context.services)
+        # What the job makes on the way is not the client's latest.
+        apart = WorkflowContext(replace(context.services, recent=context.services.recent.copied()))
         done = await _search(arguments, apart).run(progress)
         _keep_record(done, recipe, apart)
         progress.report(1.0, f"{counted(len(done.failures), 'distinct failure')}; repeat find_failures to get them")
