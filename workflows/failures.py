@@ -46,7 +46,9 @@ from .scenarios import one_scenario
 _TOOL = "find_failures"
 _OPENING = 0.1
 """The share of a search's progress that the derivation of its space gets."""
-_SEARCH = 2
+_FOUND = "_found.json"
+"""The end of the name of a finished search's record."""
+_SEARCH = 3
 """The version of the search: another version proposes other points, so it cannot go on from stored ones."""
 _MOST_TRIED = 6
 """A search ends after this many proposals per run, if most are implausible (chosen)."""
@@ -513,8 +515,20 @@ async def find_failures(arguments: FindFailuresArguments, context: WorkflowConte
     return FindFailuresResult(state="done", search=record, next_step=following)
 
 
+def found_failures(context: WorkflowContext) -> dict[str, FailureCell]:
+    """Return the cells of the failures that searches found, by the ids of their scenarios and of the reduced ones."""
+    cells: dict[str, FailureCell] = {}
+    for path in sorted((context.workspace.root / EXPLORED_FOLDER).glob(f"*{_FOUND}")):
+        with suppress(ValueError):  # a damaged file
+            for one in FailureSearchRecord.model_validate_json(path.read_bytes()).failures:
+                cells[one.scenario_id] = one.cell
+                if one.shrunk is not None:
+                    cells[one.shrunk.scenario_id] = one.cell
+    return cells
+
+
 def _record_path(recipe: Recipe, context: WorkflowContext) -> Path:
-    return context.workspace.root / EXPLORED_FOLDER / f"{recipe.digest}_found.json"
+    return context.workspace.root / EXPLORED_FOLDER / f"{recipe.digest}{_FOUND}"
 
 
 def _kept_record(recipe: Recipe, context: WorkflowContext) -> FailureSearchRecord | None:

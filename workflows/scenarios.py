@@ -14,6 +14,7 @@ from ..engine.generation import PlanRows
 from ..engine.workspace import Artifact
 from ..schemas.catalog import FindScenariosArguments, SearchRecord
 from ..schemas.errors import Faults, InvalidRequest, NotPossible, UnknownName, instead
+from ..schemas.runs import BatchRecord
 from ..schemas.scenarios import (
     DescribeRequest,
     DescribeScenarioArguments,
@@ -144,6 +145,9 @@ def _resolve_word(word: str, context: WorkflowContext) -> tuple[list[ChosenScena
         return _preset(word, context)
     if word.startswith(("search:", "search_")):
         return _hits(word.removeprefix("search:"), context)
+    if word.startswith("batch_"):
+        chosen = [one_scenario(key, context) for key in context.artifact(word, "batch").read(BatchRecord).scenarios]
+        return [ChosenScenario(artifact.artifact_id, problem_id) for artifact, problem_id in chosen], []
     if word.startswith("plan_"):
         return [ChosenScenario(key) for key in planned_scenarios(word, context)], []
     artifact, problem_id = one_scenario(word, context)

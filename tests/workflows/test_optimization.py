@@ -18,9 +18,12 @@ from plannerforge.engine.tuning import (
 from plannerforge.engine.workspace import Workspace
 from plannerforge.schemas.analysis.optimization import OptimizePlannerArguments, StudyRecord
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
+from plannerforge.schemas.failures import FailureCell, FailureSearchRecord, FoundFailure, ShrunkFailure
 from plannerforge.schemas.measures import RunMetrics
 from plannerforge.schemas.runs import RunRecord
 from plannerforge.workflows.analysis import optimization
+from plannerforge.workflows.boundaries import EXPLORED_FOLDER
+from plannerforge.workflows.failures import found_failures
 from plannerforge.workflows.runs import Cell, CellResult
 from plannerforge.workflows.scenarios import ChosenScenario
 
@@ -256,3 +259,65 @@ def test_one_place_is_divided_by_its_maps_and_that_is_reported() -> None:
 def test_one_map_cannot_be_divided() -> None:
     with pytest.raises(NotPossible, match="one map"):
         optimization._divided([ChosenScenario("DEU_A-1_1_T-1")], {"DEU_A-1_1_T-1": "DEU_A-1_1_T-1"}, 0)
+
+
+NEAR = ("ZAM_Town-1_1_T-1", "ZAM_Town-1_1_T-2", "ZAM_Town-1_1_T-3")
+"""Scenarios made from one base."""
+
+
+def test_failures_near_one_base_are_divided_by_their_strata() -> None:
+    chosen = [ChosenScenario(name) for name in NEAR]
+    strata = dict(zip(NEAR, ("car 3 brakes", "cyclist crosses", "car 3 brakes"), strict=True))
+    halves, places, notes = optimization._divided(chosen, dict.fromkeys(NEAR, NEAR[0]), 0, strata)
+    of = [{strata[one.scenario_id] for one in half} for half in halves]
+    assert sorted(len(half) for half in halves) == [1, 2]
+    assert not of[0] & of[1]
+    assert {name for side in places for name in side} == set(strata.values())
+    assert notes
+
+
+def test_failures_of_one_stratum_cannot_be_divided() -> None:
+    chosen = [ChosenScenario(name) for name in NEAR]
+    with pytest.raises(NotPossible, match="one map"):
+        optimization._divided(chosen, dict.fromkeys(NEAR, NEAR[0]), 0, dict.fromkeys(NEAR, "car 3 brakes"))
+
+
+def test_the_strata_of_found_failures_are_those_of_their_search(tmp_path: Path) -> None:
+    context = call_in_process(Workspace(tmp_path / "workspace"))
+    cell = FailureCell(counterpart="car 3 brakes", contact="rear_end", speed="fast")
+    small = ShrunkFailure(
+        scenario_id=NEAR[1], run_id="run_2", edits=(), road_users_before=3, road_users=1, needed=(), runs=4
+    )
+    failure = FoundFailure(
+        scenario_id=NEAR[0],
+        run_id="run_1",
+        cell=cell,
+        change="car 3 brakes",
+        values={},
+        edits=(),
+        reason="collided",
+        time_s=1.0,
+        prevented_by=(),
+        found_after=3,
+        hits=1,
+        shrunk=small,
+    )
+    record = FailureSearchRecord(
+        base_id="ZAM_Town-1_1_T-9",
+        config_id="cfg",
+        config_name="idm",
+        runs=4,
+        implausible=0,
+        unavoidable=0,
+        strata=("car 3 brakes",),
+        failures=(failure,),
+    )
+    folder = context.workspace.root / EXPLORED_FOLDER
+    folder.mkdir(parents=True)
+    (folder / "1_found.json").write_text(record.model_dump_json())
+    (folder / "2_found.json").write_text("{")
+    assert found_failures(context) == dict.fromkeys(NEAR[:2], cell)
+    roots = dict.fromkeys(NEAR, "ZAM_Town-1_1_T-9")
+    found = [ChosenScenario(name) for name in NEAR[:2]]
+    assert optimization._strata(found, roots, context) == dict.fromkeys(NEAR[:2], "car 3 brakes")
+    assert optimization._strata([*found, ChosenScenario(NEAR[2])], roots, context) is None

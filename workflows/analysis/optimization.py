@@ -50,6 +50,7 @@ from ...schemas.text import counted, shown_name
 from ...schemas.worlds import PERFECT, World, world_of
 from ..configurations import BY_SEARCH, resolve_configuration, store_configuration
 from ..context import WorkflowContext
+from ..failures import found_failures
 from ..operations import JUDGE_GAIN, PROPOSE, SENSITIVITY_DESIGN, SENSITIVITY_EFFECTS
 from ..results import lineages
 from ..runs import Cell, own_versions, run_grid, store_batch
@@ -627,10 +628,11 @@ def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Pla
         _check_design(arguments.method, len(space), arguments.max_trials)
     lineage = {one.scenario_id: one.root for one in lineages((one.scenario_id for one in choice.scenarios), context)}
     roots = {one.scenario_id: lineage.get(one.scenario_id, one.scenario_id) for one in choice.scenarios}
+    strata = _strata(choice.scenarios, roots, context)
     if arguments.method in _SENSITIVITY:
         parts: _Parts = (tuple(choice.scenarios), ()), ((), ()), ()
     else:
-        parts = _divided(choice.scenarios, roots, arguments.seed)
+        parts = _divided(choice.scenarios, roots, arguments.seed, strata)
     (training, held_out), places, notes = parts
     store_configuration(context, base)
     return _Plan(
@@ -642,7 +644,7 @@ def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Pla
         training=training,
         held_out=held_out,
         places=places,
-        roots=roots,
+        roots=strata or roots,
         notes=(*choice.notes, *notes),
         world=world,
     )
@@ -675,10 +677,24 @@ _Parts = tuple[
 """Training and held-out scenarios, the places of each, and notes."""
 
 
-def _divided(scenarios: Sequence[ChosenScenario], roots: Mapping[str, str], seed: int) -> _Parts:
+def _strata(
+    scenarios: Sequence[ChosenScenario], roots: Mapping[str, str], context: WorkflowContext
+) -> dict[str, str] | None:
+    """Return the strata of failures that a search found near one base, by scenario; None for other scenarios."""
+    if len(set(roots.values())) != 1:
+        return None
+    cells = found_failures(context)
+    if any(one.scenario_id not in cells for one in scenarios):
+        return None
+    return {one.scenario_id: cells[one.scenario_id].counterpart for one in scenarios}
+
+
+def _divided(
+    scenarios: Sequence[ChosenScenario], roots: Mapping[str, str], seed: int, strata: Mapping[str, str] | None = None
+) -> _Parts:
     """Return the scenarios in two halves with no place in common, each in an order drawn from the seed.
 
-    If all are in one place, maps are split instead.
+    If all are in one place, maps are split instead; if all are failures near one base, their strata.
 
     Raises:
         NotPossible: there is only one map.
@@ -688,6 +704,9 @@ def _divided(scenarios: Sequence[ChosenScenario], roots: Mapping[str, str], seed
     if len(groups) < 2:
         groups = _grouped(scenarios, roots, by_map=True)
         notes = ("all scenarios are in one place, so its maps were split; they may be alike",)
+    if len(groups) < 2 and strata is not None and len(set(strata.values())) > 1:
+        groups = _by_stratum(scenarios, strata)
+        notes = ("all scenarios are failures near one base, so the result is judged on other strata of its search",)
     if len(groups) < 2:
         raise NotPossible(
             f"all scenarios ({len(scenarios)}) are on one map, so no map can be held out",
@@ -705,6 +724,13 @@ def _divided(scenarios: Sequence[ChosenScenario], roots: Mapping[str, str], seed
     for half in halves:
         choice.shuffle(half)
     return (tuple(halves[0]), tuple(halves[1])), (tuple(sorted(places[0])), tuple(sorted(places[1]))), notes
+
+
+def _by_stratum(scenarios: Sequence[ChosenScenario], strata: Mapping[str, str]) -> dict[str, list[ChosenScenario]]:
+    groups: dict[str, list[ChosenScenario]] = {}
+    for one in sorted(scenarios, key=lambda one: (one.scenario_id, one.problem_id or 0)):
+        groups.setdefault(strata[one.scenario_id], []).append(one)
+    return groups
 
 
 def _grouped(
