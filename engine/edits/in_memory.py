@@ -35,6 +35,10 @@ from .writing import AT_REST, DECIMALS, replayed_motion, starts_elsewhere, write
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblemSet
 
+_WORTH_CUTTING = 2
+"""A simulation is cut at the horizon if the recording is at least this many times as long (chosen): failures are then
+simulated again in full.
+"""
 _HELD_GOALS = 64
 """Goals that a base keeps (chosen); a search has one or a few."""
 
@@ -63,8 +67,8 @@ class EditableScenario:
     """A base scenario that can be edited in memory any number of times. The folder holds SUMO's network.
 
     Use it in a ``with`` block. ``horizon_s``: how long after the ego's start the motion of simulated vehicles is
-    needed; None means up to the end of the recording. A shorter simulation does not show what a vehicle would hit
-    later, for which ``edited`` might change its motion before.
+    needed; None means up to the end of the recording, as does a horizon that would save less than half of it. A shorter
+    simulation does not show what a vehicle would hit later, for which ``edited`` might change its motion before.
     """
 
     xml: Path
@@ -85,7 +89,8 @@ class EditableScenario:
         self._needed_step = scene.last_step
         if self.horizon_s is not None and scene.ego is not None:
             end = scene.ego.step + math.ceil(self.horizon_s / scene.step_s)
-            self._needed_step = min(end, scene.last_step)
+            if _WORTH_CUTTING * end <= scene.last_step:
+                self._needed_step = end
         return self
 
     def __exit__(self, *_: object) -> None:

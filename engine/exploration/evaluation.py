@@ -1,9 +1,12 @@
 """Evaluates points: edits a base in memory, runs the planner until the encounter is resolved, and judges the outcome.
 
 The edits and the run are those of ``modify_scenario`` and ``run_planner``: the driven states are equal bit for bit to
-those of the stored scenario's run, up to the step at which this run is stopped. A run is stopped after the horizon, or
-once every other road user is gone, is behind the ego and not faster, or stands while the ego stands too. If there is
-no other road user, a run lasts until the horizon.
+those of the stored scenario's run, up to the step at which this run is stopped. In a recording that is much longer than
+the horizon, this holds for failures; for other points, vehicles that edits simulate react only to what happens within
+the horizon.
+
+A run is stopped after the horizon, or once every other road user is gone, is behind the ego and not faster, or stands
+while the ego stands too. If there is no other road user, a run lasts until the horizon.
 """
 
 import math
@@ -300,11 +303,11 @@ class Evaluator:
 def _needed_s(setting: EncounterSetting) -> float:
     """Return how long after the ego's start the motion of vehicles that edits simulate can matter before the horizon.
 
-    A planner may know the others' future. In reactive traffic, a vehicle's motion says where it goes (twice the horizon
-    is chosen).
+    A planner may know the others' future. In reactive traffic, a vehicle's motion says where it goes (half of the
+    horizon is chosen in addition).
     """
     if setting.traffic == "reactive":
-        return 2 * setting.horizon_s
+        return 1.5 * setting.horizon_s
     foreseen_s = setting.configuration.settings.horizon_s if setting.prediction == "ground_truth" else 0.0
     return setting.horizon_s + foreseen_s
 

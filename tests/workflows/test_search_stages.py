@@ -12,6 +12,7 @@ from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.artifacts import ListArtifactsArguments
 from plannerforge.schemas.catalog import FindScenariosArguments, FindScenariosResult, SearchRecord
 from plannerforge.schemas.errors import NotPossible, UnknownName
+from plannerforge.schemas.runs import BatchRecord
 from plannerforge.schemas.scenarios import ScenarioFacts, ScenarioRecord
 from plannerforge.workflows.artifacts import list_artifacts
 from plannerforge.workflows.catalog import find_scenarios
@@ -48,6 +49,21 @@ async def search(call: WorkflowContext, **slots: Any) -> FindScenariosResult:
 
 def chosen(call: WorkflowContext, word: str) -> list[ChosenScenario]:
     return list(choose_scenarios([word], call).scenarios)
+
+
+def test_a_batch_stands_for_its_scenarios(call: WorkflowContext) -> None:
+    record = BatchRecord(
+        batch_id="batch_1",
+        scenarios=(BERLIN, f"{BONN}#7"),
+        configs=("cfg_1",),
+        prediction="constant_velocity",
+        traffic="recorded",
+        runs=(),
+        lost=(),
+    )
+    recipe = Recipe(tool="run_planner", arguments={}, parents=(), seed=0, versions={})
+    call.workspace.put("batch", "batch_1", recipe=recipe, record=record)
+    assert chosen(call, "batch_1") == [ChosenScenario(BERLIN), ChosenScenario(BONN, 7)]
 
 
 async def test_a_stage_of_a_search_is_handed_to_a_batch(call: WorkflowContext) -> None:

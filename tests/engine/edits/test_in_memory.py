@@ -104,3 +104,24 @@ def test_collisions_among_others_are_refused(base: Path) -> None:
     crossing = Edit(op="change_lane", vehicles=["33"], lane="right", time_s=0.5, lateral_s=1.0)
     with EditableScenario(base) as scenario, pytest.raises(NotPossible):
         scenario.edited((Edit(op="set_speed", vehicles=["31"], speed="2m/s", rate_mps2=6.0, time_s=0.0), crossing))
+
+
+def test_a_horizon_ends_the_simulation_of_vehicles_and_nothing_else(base: Path) -> None:
+    alone = Edit(op="remove_vehicle", vehicles=["32", "35"])
+    edits = (Edit.model_validate(EDITS["ordered speed"][0]), alone)
+    with EditableScenario(base, horizon_s=4.0) as scenario:
+        cut, whole = scenario.edited(edits), scenario.edited(edits, whole=True)
+    assert (cut.is_cut, whole.is_cut) == (True, False)
+    short, long = cut.loaded.tracks, whole.loaded.tracks
+    assert short.keys() == long.keys()
+    assert 40 <= short[31].last_step < long[31].last_step
+    assert np.allclose(short[31].positions[:35], long[31].positions[:35], atol=0.01)
+    assert all(np.array_equal(track.positions, long[key].positions) for key, track in short.items() if key != 31)
+
+
+@pytest.mark.parametrize("horizon_s", [8.0, None])
+def test_a_horizon_that_saves_little_cuts_nothing(base: Path, horizon_s: float | None) -> None:
+    with EditableScenario(base, horizon_s=horizon_s) as scenario:
+        assert not scenario.edited(
+            (Edit.model_validate(EDITS["ordered speed"][0]), Edit.model_validate(_REMOVED_LEAD))
+        ).is_cut
