@@ -293,9 +293,15 @@ def _lines(failure: FoundFailure) -> Iterator[str]:
         ""
         if shrunk is None
         else f" Reduced to {shrunk.scenario_id}: {shrunk.road_users_before} → {shrunk.road_users} road users"
+        f"{_lanelets(shrunk)}"
         f"{f'; values that must stay: {_listed(shrunk.needed)}' if shrunk.needed else ''}."
     )
     yield f"  {failure.reason}; {drivers} would not fail. Type: {failure.cell.in_words()}.{reduced}"
+
+
+def _lanelets(shrunk: ShrunkFailure) -> str:
+    fewer = shrunk.lanelets < shrunk.lanelets_before
+    return f", {shrunk.lanelets_before} → {shrunk.lanelets} lanelets" if fewer else ""
 
 
 CAREFUL_WORDS: Final[dict[str, str]] = dict(zip(CAREFUL_DRIVERS, ("careful", "fuzzy"), strict=True))
