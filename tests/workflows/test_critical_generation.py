@@ -46,7 +46,8 @@ async def test_a_raised_scenario_has_an_added_encounter_and_is_the_same_again(
     assert (again.scenario_id, again.encounter) == (made.scenario_id, made.encounter)
 
 
-async def test_the_search_for_an_encounter_shows_its_progress(tmp_path: Path) -> None:
+async def test_the_search_for_an_encounter_shows_its_progress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(critical_scenarios.RUNS, "raised", 6)
     shares: list[float] = []
 
     async def shown(share: float, message: str) -> None:
@@ -57,7 +58,7 @@ async def test_the_search_for_an_encounter_shows_its_progress(tmp_path: Path) ->
     store_scenario(workspace, BASE, QUIET.write(tmp_path / "town.xml"))
     whole = WorkflowContext(call_in_process(workspace).services, shown)
     generated = ScenarioSummary.model_construct(scenario_id=BASE, notes=[], encounter="")
-    await with_encounter(whole.within(0.5, 1.0), generated, "raised", 0)
+    await critical_scenarios.with_encounter(whole.within(0.5, 1.0), generated, "raised", 0)
     assert len(shares) > 5
     assert shares == sorted(shares)
     assert 0.5 <= shares[0] < shares[-1] <= 1.0
@@ -74,7 +75,7 @@ async def test_a_search_that_takes_too_long_leaves_the_scenario_with_advice(tmp_
     store_scenario(workspace, BASE, QUIET.write(tmp_path / "town.xml"))
     services = replace(call_in_process(workspace).services, workers=cast("Executor", Slow()))
     generated = ScenarioSummary.model_construct(scenario_id=BASE, notes=[], encounter="")
-    made = await with_encounter(WorkflowContext(services), generated, "critical", 0)
+    made = await critical_scenarios.with_encounter(WorkflowContext(services), generated, "critical", 0)
     assert made.scenario_id == BASE
     assert "find_failures" in made.notes[0]
 
