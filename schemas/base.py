@@ -140,6 +140,9 @@ def problem_of(
         return f"there is no {noun} '{path}'", closest(str(detail["loc"][-1]), fields, limit=len(fields))
     wanted, described = _expected(model, detail["loc"])
     if kind == "missing":
+        is_choice = re.fullmatch(r"\w+(, \w+)+", wanted) is not None
+        if alone and not ranged and is_choice:
+            return f"the required {noun} '{path}' is missing", wanted.split(", ")
         return f"the required {noun} '{path}' ({wanted}) is missing", []
     if kind in CHOICES and (allowed := choices_of(detail)):
         return f"{path} cannot be {_short(detail['input'])}", closest(str(detail["input"]), allowed, limit=len(allowed))

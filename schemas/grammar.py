@@ -11,7 +11,9 @@ Hosts drop patterns and bounds from schemas, so every error here states what is 
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Literal
 
 from .errors import InvalidRequest, UnknownName, closest, instead
@@ -23,6 +25,8 @@ _NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 _UNSIGNED = r"\d+(?:\.\d*)?"
 """A number without a sign, so a dash or a word may follow."""
 _UNIT = r"[A-Za-z][A-Za-z/0-9]*"
+_ALIKE = 0.75
+"""The minimum similarity (difflib's ratio) of a word to the unit that it may misspell (chosen)."""
 BaseUnit = Literal["m/s", "m", "s", ""]
 _TO_BASE: dict[str, dict[str, float]] = {
     "m/s": {
@@ -31,10 +35,11 @@ _TO_BASE: dict[str, dict[str, float]] = {
         "km/h": 1 / 3.6,
         "kmh": 1 / 3.6,
         "kph": 1 / 3.6,
+        "kmph": 1 / 3.6,
         "mph": 0.44704,
         **dict.fromkeys(("knots", "knot", "kn"), 1852 / 3600),
     },
-    "m": {"m": 1.0, "km": 1000.0, "ft": 0.3048},
+    "m": {"m": 1.0, "cm": 0.01, "km": 1000.0, "ft": 0.3048},
     "s": {"s": 1.0, "ms": 0.001, "min": 60.0},
     "": {},
 }
@@ -123,7 +128,7 @@ def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
             valid=list(units) or ["a number without a unit"],
             next_step="write it in one of these units" if units else "leave the unit out",
             remedies=[
-                *(instead(text, f"{match[1]}{one}") for one in units if one.startswith(match[2].lower())),
+                *(instead(text, f"{match[1]}{one}") for one in _units_meant(match[2].lower(), units)),
                 *([] if units else [instead(text, match[1])]),
             ],
         )
@@ -133,6 +138,17 @@ def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
             f"'{text}' is too large", valid=[f"a number{_or_units(units)}"], next_step="choose a smaller number"
         )
     return value
+
+
+def _units_meant(word: str, units: Mapping[str, float]) -> list[str]:
+    """Return the units that a wrong one may stand for: its quotient, such as ``km/h`` for ``km``, else similar ones.
+
+    If the word only begins units, as ``m`` begins ``ms`` and ``min``, the base unit comes first.
+    """
+    quotients = [one for one in units if one.startswith(f"{word}/")]
+    begun = [next(iter(units))] if any(one.startswith(word) for one in units) else []
+    alike = get_close_matches(word, units, cutoff=_ALIKE)
+    return quotients or begun or (alike if len({units[one] for one in alike}) == 1 else [])
 
 
 def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = None) -> Interval:
@@ -173,6 +189,16 @@ def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
             return Interval(bound, None) if operator == ">=" else Interval(None, bound)
     value = parse_quantity(body.removeprefix("="), unit, step_s=step_s)
     return Interval(value, value, exact=True)
+
+
+def is_without_unit(text: str) -> bool:
+    """Return whether a text is a number alone, for which the base unit is assumed."""
+    return re.fullmatch(rf"\s*{_NUMBER}\s*", text) is not None
+
+
+def is_unit(word: str) -> bool:
+    """Return whether a word is the unit of a quantity, written as in a name (``mps`` for ``m/s``)."""
+    return word in {unit.replace("/", "p") for units in _TO_BASE.values() for unit in units} | {"mps2"}
 
 
 def _with_unit(quantity: str, other: str) -> str:
@@ -235,6 +261,7 @@ def parse_assignment(text: str) -> Assignment:
         InvalidRequest: the text is malformed, or its number is not finite.
     """
     examples = ["name=0.5", "name*2", "name+0.1", "name-0.1", "name=other_name"]
+    unit_of: dict[str, BaseUnit] = {"m": "m", "s": "s", "mps": "m/s"}
     match = re.fullmatch(r"\s*([A-Za-z_]\w*)\s*([=*+\-])\s*(\S.*?)\s*", text)
     if match is None:
         apart = re.fullmatch(rf"\s*([A-Za-z_]\w*)\s*[:\s]\s*({_NUMBER})\s*", text)
@@ -249,12 +276,31 @@ def parse_assignment(text: str) -> Assignment:
         return Assignment(name, operator, float(right))  # type: ignore[arg-type]
     if operator == "=" and re.fullmatch(r"[A-Za-z_]\w*", right) and right.lower() not in ("nan", "inf", "infinity"):
         return Assignment(name, "=", None, copied_from=right)
+    if re.fullmatch(rf"{_NUMBER}\s*{_UNIT}", right):
+        unit = unit_of.get(name.lower().rpartition("_")[2], "")
+        converted = [] if not unit else _converted(right, unit)
+        raise InvalidRequest(
+            f"'{right}' has a unit, but {name} takes a number{f' in {unit}' if unit else ''} without its unit",
+            valid=[f"{name}{operator}{value:g}" for value in converted] or examples,
+            next_step="leave the unit out",
+            remedies=[instead(text, f"{name}{operator}{value:g}") for value in converted],
+            complete=True,
+        )
     raise InvalidRequest(
-        f"'{text}' assigns '{right}', which is not a finite number",
+        f"'{text}' does not assign a finite number",
         valid=examples,
         next_step="assign a number",
+        remedies=[],
         complete=True,
     )
+
+
+def _converted(text: str, unit: BaseUnit) -> list[float]:
+    """Return a quantity in the unit of a name, or nothing if the text has another unit."""
+    try:
+        return [parse_quantity(text, unit)]
+    except InvalidRequest:
+        return []
 
 
 _PLAIN = ("all", "farthest", "lead", "follow", "fastest", "slowest", "standing", "leftmost", "rightmost")
@@ -310,6 +356,13 @@ def _compared(text: str, operator: str, right: str, unit: BaseUnit, whole: bool)
             valid=["a whole number"],
             next_step="write a whole number",
             remedies=[instead(right, _whole(right))],
+        )
+    if whole and any(end is not None and end < 0 for end in (interval.low, interval.high)):
+        raise InvalidRequest(
+            f"'{text}' compares a count with a negative number, but no count is below 0",
+            valid=["0 or a greater whole number"],
+            next_step="compare with one of these",
+            remedies=[instead(right, right.lstrip("-").strip())] if right.startswith("-") and ".." not in right else [],
         )
     return interval
 

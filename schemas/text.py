@@ -181,6 +181,11 @@ def class_noun(name: str) -> str:
     return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", noun).lower() if noun.isalpha() else noun
 
 
+def enumerated(names: Sequence[str]) -> str:
+    """Return names as a phrase: ``a``, ``a and b`` or ``a, b and c``."""
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+
+
 def counted(count: int, noun: str) -> str:
     """Return a number with its noun, such as ``16 buses``; obstacle types of two words are split."""
     words = class_noun(noun)

@@ -336,10 +336,15 @@ def _assigned(text: str) -> tuple[str, float | str]:
     value = change.operand
     outside = value is None or not low <= value <= high
     if change.operator != "=" or outside or (change.name == "seed" and value != int(value or 0)):
+        nearest = low if value is None or value < low else min(value, high)
+        nearest = round(nearest) if change.name == "seed" else nearest
         raise InvalidRequest(
-            f"'{text}' is not a valid setting of a world",
+            f"'{text}' is out of range"
+            if outside and change.operand is not None
+            else f"'{text}' is not a setting of a world",
             valid=[f"{change.name} from {low:g} to {high:,.0f}"],
             next_step="choose a value in this range",
+            remedies=[instead(text, f"{change.name}={nearest:g}")],
             complete=True,
         )
     return change.name, int(value or 0) if change.name == "seed" else float(value or 0.0)

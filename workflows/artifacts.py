@@ -218,7 +218,10 @@ async def get_job(arguments: GetJobArguments, context: WorkflowContext) -> JobRe
 
 async def cancel_job(arguments: CancelJobArguments, context: WorkflowContext) -> JobResult:
     """Stop a job."""
-    job = await context.jobs.cancel(_own_job_id(arguments.job_id, context))
+    job_id = _own_job_id(arguments.job_id, context)
+    if context.jobs.store.get(job_id).ended:
+        context.remarks.append(f"{job_id} had already ended, so nothing was cancelled.")
+    job = await context.jobs.cancel(job_id)
     if not job.ended:
         raise NotPossible(
             f"{job.job_id} runs in another server on this workspace",

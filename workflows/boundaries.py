@@ -6,7 +6,7 @@ so an interrupted exploration continues where it stopped. The order of batches d
 
 import json
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -34,7 +34,7 @@ from ..schemas.boundaries import (
 )
 from ..schemas.errors import Faults, InvalidRequest, UnknownName, closest, instead
 from ..schemas.exploration import Evaluation, LogicalScenario, Parameter
-from ..schemas.grammar import parse_interval, parse_quantity
+from ..schemas.grammar import is_unit, parse_interval, parse_quantity
 from ..schemas.modification import Edit
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.reviews import CAREFUL_DRIVERS, kind_in_words
@@ -150,6 +150,7 @@ async def _plan(arguments: ExploreBoundaryArguments, context: WorkflowContext) -
     open_catalogue(context.workspace, with_starter=context.services.with_starter)
     logical = await _logical(arguments.scenario, context)
     axes, fixed = _axes(arguments.over, logical)
+    context.remarks += _remarks_on(arguments.over, axes, fixed, logical)
     configurations = tuple(resolve_configuration(text, context) for text in arguments.configs)
     named = {one.planner for one in configurations}
     references = tuple(
@@ -229,6 +230,24 @@ def _axes(
     return (one, other), slices
 
 
+def _remarks_on(
+    over: Sequence[str], axes: Sequence[Parameter], fixed: Sequence[Mapping[str, float]], logical: LogicalScenario
+) -> list[str]:
+    """Return a sentence for each value beyond its usual range, and for each parameter that the call did not give."""
+    remarks = []
+    given = {text.partition("=")[0].strip().lower() for text in over}
+    ends = {axis.name: [axis.low, axis.high] for axis in axes}
+    for at in fixed:
+        for name, value in at.items():
+            ends.setdefault(name, []).append(value)
+    for name, values in ends.items():
+        usual = logical.parameter(name)
+        if name.lower() in given and not usual.is_fixed and not usual.low <= min(values) <= max(values) <= usual.high:
+            remarks.append(f"{name} goes beyond its usual range in {logical.name}, {_range_of(usual)}.")
+    chosen = [f"{axis.name}={_range_of(axis)}" for axis in axes if given and axis.name.lower() not in given]
+    return [*remarks, *(f"A map has two parameters, so {text} is mapped, too." for text in chosen)]
+
+
 def _range_of(parameter: Parameter) -> str:
     return "LOW..HIGH" if parameter.is_fixed else f"{parameter.low:g}..{parameter.high:g}"
 
@@ -245,8 +264,9 @@ def _check_names(over: Sequence[str], logical: str, names: Sequence[str]) -> Non
             continue
         others = closest(name, [one for one in names if one not in taken])
         taken |= set(others[:1])
-        unit = name.rpartition("_")[2]
-        remedies = [instead(name, one) if one.rpartition("_")[2] == unit else instead(text, one) for one in others]
+        unit = name.lower().rpartition("_")[2]
+        keeps = {one: one.rpartition("_")[2] == unit or not is_unit(unit) for one in others}
+        remedies = [instead(name, one) if keeps[one] else instead(text, one) for one in others]
         with faults.collecting():
             raise UnknownName(f"{logical} has no parameter '{name}'", valid=names, remedies=remedies)
     faults.raise_all()
@@ -318,7 +338,8 @@ class _Exploration:
         def done(place: tuple[int, int], evaluation: Evaluation) -> None:
             found[place] = evaluation
             share = (part[0] + min(len(found) / budget, 1.0)) / part[1]
-            self.progress.report(share, f"{configuration.name}: {len(found)} of at most {budget} points")
+            of_maps = f"map {part[0] + 1} of {part[1]}, {configuration.name}"
+            self.progress.report(share, f"{of_maps}: {len(found)} of at most {budget} points")
 
         while places := search.ask():
             known = {place: kept[key] for place in places if (key := _key(configuration, at, place)) in kept}
@@ -502,7 +523,7 @@ def _headline(record: BoundaryRecord, asked: str) -> str:
         return mapped
     others = [name for name in found.scenarios if name != record.scenario.name]
     also = f", also in {' and '.join(others)}" if others else ""
-    return f"{mapped} (NHTSA's type {found.number}, {found.name.lower()}, {found.percent:.2f} % of crashes{also})"
+    return f"{mapped} (NHTSA type {found.number}, {found.name.lower()}, {found.percent:.2f} % of crashes{also})"
 
 
 def _summary(one: BoundaryMap) -> MapSummary:

@@ -19,7 +19,7 @@ from ..engine.catalog import (
     scenario_facets,
 )
 from ..engine.cosimulation import presets as behaviour_presets
-from ..engine.maps import country_code, find_maps
+from ..engine.maps import countries_spelt_like, country_code, country_name, find_maps
 from ..engine.planners import PLANNERS, planner_names
 from ..engine.tuning import tuning_of
 from ..engine.workspace import ArtifactKind, Recipe
@@ -34,7 +34,7 @@ from ..schemas.catalog import (
     RankRequest,
     SearchRecord,
 )
-from ..schemas.errors import InvalidRequest, UnknownName, closest, with_values
+from ..schemas.errors import InvalidRequest, UnknownName, closest, misspelt, with_values
 from ..schemas.generation import MapFacts
 from ..schemas.odd import OddCoverage, OddEntry, OddRequest
 from ..schemas.runs import RunRecord
@@ -117,7 +117,12 @@ def _within(word: str, context: WorkflowContext) -> frozenset[str]:
         if not _within(place, context) and not _maps_within(place, context):
             raise _unknown_place(place, context)
     where = {"country": word} if area.codes else {"city": word}
-    search = opened_search(FindScenariosArguments(**where), context)
+    try:
+        search = opened_search(FindScenariosArguments(**where), context)
+    except UnknownName:
+        if area.excludes:
+            raise
+        return frozenset()
     entries = entries_of(context.workspace.database.connection(), search.funnel.matches)
     return frozenset(entry.scenario_id for entry in entries)
 
@@ -183,16 +188,21 @@ def _is_search(word: str) -> bool:
 
 def _unknown_place(word: str, context: WorkflowContext) -> UnknownName:
     """Return the refusal of a place that has neither scenarios nor maps."""
-    places = {entry.facts.place for entry in inventory_of_read_maps(context).entries}
-    places |= {
-        place
-        for place, country in known_places(context.workspace.database.connection()).places
-        if is_place(country, place)
-    }
+    maps = [entry.facts for entry in inventory_of_read_maps(context).entries]
+    stored = known_places(context.workspace.database.connection())
+    places = {facts.place for facts in maps}
+    places |= {place for place, country in stored.places if is_place(country, place)}
+    near = closest(word, sorted(places))
+    meant = [place for place in near if misspelt(word, [place])]
+    alike = [] if meant else countries_spelt_like(word.strip().removeprefix("!"))
+    filled = {code for facts in maps for code in (facts.country, *facts.countries_near)} | {*stored.countries}
+    countries = [country_name(code) for code in alike if code in filled]
+    likely = "" if countries or not alike else f"; no scenario or map is in {country_name(alike[0])} either"
     return UnknownName(
-        f"no scenario, map or search matches {quoted(word)}",
-        valid=map(cited, closest(word, sorted(places))),
+        f"no scenario, map or search matches {quoted(word)}{likely}",
+        valid=[*map(cited, meant), *countries, *(cited(place) for place in near if place not in meant)],
         next_step="choose one of these",
+        remedies=[*misspelt(word, meant, "within"), *(with_values(within=one) for one in countries)],
     ).also(with_values(within=None))
 
 

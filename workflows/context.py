@@ -20,15 +20,17 @@ from ..engine.execution import (
     Response,
     no_progress,
 )
-from ..engine.workspace import Artifact, ArtifactKind, Recipe, Workspace
+from ..engine.workspace import ARTIFACT_KINDS, Artifact, ArtifactKind, Recipe, Workspace
 from ..schemas.catalog import PACKAGED_MODEL
-from ..schemas.errors import OutsideRoots
+from ..schemas.errors import OutsideRoots, UnknownName, calling, instead, misspelt
 from ..schemas.maps import MapServices
 from ..schemas.text import quoted
 
 MadeKind = ArtifactKind | Literal["job"]
 _MOST_RECENT = 1_000
 """How many artifacts and jobs of a session are remembered (chosen). Older artifacts need their id."""
+RESULT_WORDS = ("latest_run", "previous_run", "latest_batch", "previous_batch")
+"""The words for the newest results of a client and those before them."""
 INDEX_FOLDER = "index"
 """The folder of the text index in the workspace."""
 
@@ -186,12 +188,47 @@ class WorkflowContext:
         """Return the artifact with this id; ``latest`` means the client's newest artifact of this kind.
 
         Raises:
-            UnknownName: there is no such artifact; the error lists the nearest ids.
+            UnknownName: there is no such artifact; the error lists the nearest ids or, if the word refers to something
+                of another kind, what belongs to it.
         """
-        if word != "latest":
-            return self.workspace.get(word, kind)
+        if word not in ("latest", f"latest_{kind}"):
+            try:
+                return self.workspace.get(word, kind)
+            except UnknownName as refusal:
+                raise self._other_meaning(word, kind) or refusal.also(
+                    *misspelt(word, ["latest"])
+                ) from refusal.__cause__
         newest = self.newest(kind)
-        return newest[0] if newest else self.workspace.get(word, kind)
+        return newest[0] if newest else self.workspace.get("latest", kind)
+
+    def _other_meaning(self, word: str, wanted: ArtifactKind) -> UnknownName | None:
+        """Return the refusal of a word that refers to an artifact of another kind, or None."""
+        known: Artifact | None = None
+        if word in RESULT_WORDS:
+            age, _, kind = word.partition("_")
+            stored = self.newest(kind, count=1 if age == "latest" else 2)  # type: ignore[arg-type]
+            known = stored[-1] if stored else None
+        else:
+            kinds = (kind for kind in ARTIFACT_KINDS if kind != wanted)
+            known = next((found for kind in kinds if (found := self.workspace.find(kind, word)) is not None), None)
+        if known is None:
+            return None
+        own = self._belonging_to(known, wanted)
+        return UnknownName(
+            f"'{word}' is a {known.kind}, not a {wanted}",
+            valid=own,
+            next_step=f"use the id of a {wanted}",
+            remedies=[instead(word, own[0])] if len(own) == 1 else [],
+        ).also(calling("list_artifacts", kind=wanted))
+
+    def _belonging_to(self, known: Artifact, wanted: ArtifactKind) -> list[str]:
+        """Return the ids of the artifacts of a kind that belong to a run or a batch, each once."""
+        key = {"scenario": "scenario_id", "config": "config_id"}.get(wanted)
+        runs = [known] if known.kind == "run" else []
+        if known.kind == "batch":
+            found = (self.workspace.find("run", run_id) for run_id in known.record["runs"])
+            runs = [run for run in found if run is not None]
+        return list(dict.fromkeys(str(run.record[key]) for run in runs)) if key is not None else []
 
     def allowed_path(self, text: str) -> Path:
         """Return the path, if it is inside an allowed root and outside the workspace's own folders.

@@ -18,7 +18,16 @@ from ..engine.rendering import (
     scenario_section,
 )
 from ..engine.scenarios import write_openlabel
-from ..engine.workspace import REPORT_NAME, Artifact, Export, plan_exports, refuse_existing, write_export, write_whole
+from ..engine.workspace import (
+    REPORT_NAME,
+    Artifact,
+    Export,
+    plan_exports,
+    refuse_existing,
+    refuse_file,
+    write_export,
+    write_whole,
+)
 from ..schemas.analysis.comparison import CompareResultsArguments
 from ..schemas.artifacts import (
     ExportArtifactsArguments,
@@ -60,6 +69,7 @@ _FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "g
 async def export_artifacts(arguments: ExportArtifactsArguments, context: WorkflowContext) -> ExportArtifactsResult:
     """Write the requested files; every name is checked before the first file is written."""
     folder = context.allowed_path(arguments.folder)
+    refuse_file(folder)
     chosen, faults = list[Artifact](), Faults()
     for word in dict.fromkeys(arguments.ids):
         with faults.collecting():

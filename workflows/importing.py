@@ -5,6 +5,7 @@ Many files become a job. It continues after the call's answer, and the same call
 
 import logging
 import os
+import re
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
@@ -53,6 +54,7 @@ _SUFFIXES: dict[str, _ImportKind] = {
     ".yml": "config",
     OPENLABEL_ENDING: "tags",
 }
+_WEB_ADDRESS = re.compile(r"[a-z][a-z0-9+.-]*://", re.IGNORECASE)
 _PACKED_ENDINGS = (".xml.gz", ".xml.bz2")
 """Extensions of compressed XML files. The content shows whether they can be imported."""
 _MOST_FILES = 5000
@@ -141,6 +143,13 @@ def _country(arguments: ImportFilesArguments, files: Sequence[tuple[Path, _Impor
 
 
 def _files(context: WorkflowContext, arguments: ImportFilesArguments) -> list[tuple[Path, _ImportKind]]:
+    if _WEB_ADDRESS.match(arguments.path.strip()):
+        raise InvalidRequest(
+            f"{quoted(arguments.path)} is a web address, and import_files reads only files on this machine",
+            valid=["the path of a file or folder in an allowed folder"],
+            next_step="download the file, then import it from its folder",
+            complete=True,
+        )
     try:
         path = context.allowed_path(arguments.path)
     except OutsideRoots as error:

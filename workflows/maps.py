@@ -13,6 +13,7 @@ from ..engine.maps import (
     built_in_maps,
     countries_spelt_like,
     country_code,
+    country_name,
     foreign_format,
     is_binary,
     is_large,
@@ -239,14 +240,15 @@ def known_country(text: str | None) -> str | None:
     """Return the ISO alpha-3 code for a country's code or name.
 
     Raises:
-        InvalidRequest: there is no such country.
+        UnknownName: there is no such country; the error lists the countries with a similar name.
     """
     code = None if text is None else country_code(text)
     if code is None and text is not None:
-        near = countries_spelt_like(text)
-        raise InvalidRequest(
+        near = [country_name(one) for one in countries_spelt_like(text)]
+        raise UnknownName(
             f"there is no country {text!r}",
             valid=near or ["DEU", "Germany", "de"],
+            next_step="use one of these" if near else "give the name of a country or its ISO 3166-1 code",
             remedies=[*(with_values(country=one) for one in near), with_values(country=None)],
         )
     return code

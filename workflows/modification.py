@@ -8,7 +8,7 @@ from ..engine.commonroad import derived_benchmark_id
 from ..engine.workspace import Artifact, Recipe, versions_of
 from ..schemas.errors import Change, InvalidRequest, NotPossible, Remedy
 from ..schemas.generation import WEATHERS
-from ..schemas.grammar import parse_selector
+from ..schemas.grammar import is_without_unit, parse_selector
 from ..schemas.modification import (
     AMBIGUOUS_VEHICLE,
     Edit,
@@ -33,6 +33,7 @@ _MOST_QUESTIONS = 5
 async def modify_scenario(arguments: ModifyScenarioArguments, context: WorkflowContext) -> ModifyScenarioResult:
     """Edit a scenario. If a selector matches several vehicles, the user may choose one."""
     given = arguments
+    context.remarks += _assumed_units(arguments)
     try:
         for _ in range(_MOST_QUESTIONS):
             try:
@@ -47,6 +48,19 @@ async def modify_scenario(arguments: ModifyScenarioArguments, context: WorkflowC
         if arguments is not given:
             refusal.remedies = tuple(_with_edits(arguments, remedy) for remedy in refusal.remedies)
         raise
+
+
+def _assumed_units(arguments: ModifyScenarioArguments) -> list[str]:
+    """Return a sentence for each speed without a unit, which is read in m/s."""
+    written = [
+        (f"edits[{index}].{name}", text.strip())
+        for index, edit in enumerate(arguments.edits)
+        for name, text in (("speed", edit.speed), ("goal_speed", edit.goal_speed))
+        if text is not None and is_without_unit(text) and float(text) != 0.0
+    ]
+    return [
+        f"{path}={text} has no unit; it is read as {text} m/s ({3.6 * float(text):g} km/h)." for path, text in written
+    ]
 
 
 def _with_edits(arguments: ModifyScenarioArguments, remedy: Remedy) -> Remedy:

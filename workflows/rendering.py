@@ -41,6 +41,7 @@ from .results import (
     run_sources,
     scenario_sources,
     version_key,
+    with_words,
 )
 
 FOLDER = "pictures"
@@ -141,7 +142,10 @@ def named_artifact(word: str, context: WorkflowContext) -> Artifact:
         return context.artifact("latest", "scenario")
     if word == "current":
         return store_configuration(context, resolve_configuration(word, context))
-    return context.workspace.get(word, context.workspace.kind_of(word))
+    try:
+        return context.workspace.get(word, context.workspace.kind_of(word))
+    except UnknownName as refusal:
+        raise with_words(refusal, word, (*WORDS, "latest_scenario", "current")) from refusal.__cause__
 
 
 async def draw(

@@ -20,6 +20,7 @@ from ..schemas.errors import (
     UnknownName,
     calling,
     instead,
+    misspelt,
     with_values,
 )
 from ..schemas.modification import Edit
@@ -39,9 +40,9 @@ from ..schemas.runs import (
 from ..schemas.scenarios import ScenarioRecord
 from ..schemas.text import cited, shown_name
 from ..schemas.vocabulary import ROAD_KINDS
-from .context import WorkflowContext
+from .context import RESULT_WORDS, WorkflowContext
 
-WORDS = ("latest", "latest_run", "previous_run", "latest_batch", "previous_batch")
+WORDS = ("latest", *RESULT_WORDS)
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,10 @@ def result_named(word: str, context: WorkflowContext) -> Artifact:
         known = (*context.newest("batch", count=4), *context.newest("run", count=4))
         there = [artifact.artifact_id for artifact in known]
         raise UnknownName(f"there is no {word.replace('_', ' ')}", valid=there, next_step="call run_planner")
-    kind = context.workspace.kind_of(word, "run", "batch")
+    try:
+        kind = context.workspace.kind_of(word, "run", "batch")
+    except UnknownName as refusal:
+        raise with_words(refusal, word, WORDS) from refusal.__cause__
     if kind not in ("run", "batch"):
         made = [one for made in ("run", "batch") for one in context.workspace.newest(kind=made, parent=word, limit=1)]
         raise InvalidRequest(
@@ -129,6 +133,19 @@ def result_named(word: str, context: WorkflowContext) -> Artifact:
             ],
         )
     return context.workspace.get(word, kind)
+
+
+def with_words(refusal: UnknownName, word: str, words: Sequence[str]) -> UnknownName:
+    """Return the refusal of an id with the words, such as ``latest_batch``, that it may misspell."""
+    meant = misspelt(word, words)
+    names = [name for name in words if misspelt(word, [name])]
+    return UnknownName(
+        refusal.message,
+        valid=[*names, *refusal.valid],
+        next_step=refusal.next_step,
+        reason=refusal.reason,
+        remedies=[*meant, *refusal.remedies],
+    )
 
 
 def _chosen(artifact: Artifact) -> ChosenResult:

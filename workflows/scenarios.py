@@ -173,7 +173,7 @@ def _preset(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], 
     number = word.removeprefix("preset:")
     if not re.fullmatch(r"\d+", number) or not 1 <= int(number) <= _LARGEST_PRESET:
         raise InvalidRequest(
-            f"'{word}' is not preset:N with N from 1 to {_LARGEST_PRESET}",
+            f"'{word}' is not preset:N with a whole number N from 1 to {_LARGEST_PRESET}",
             valid=[f"preset:{size}" for size in _PRESET_SIZES],
             given=word,
         )

@@ -34,7 +34,7 @@ from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.measures import metric_words
 from ...schemas.results import ConfigWeights, MetricName
 from ...schemas.runs import Lineage, RunRecord, configuration_id
-from ...schemas.text import counted, figure, measured, p_figure, p_in_words
+from ...schemas.text import figure, measured, p_figure, p_in_words
 from ..execution import ProgressReporter
 from .moments import contact_of, review
 from .run_set import METRICS, MetricSpec, RunSet, reached_goal
@@ -149,11 +149,7 @@ def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunReco
     """
     pairing = _pair(before, after, records, {lineage.scenario_id: lineage for lineage in request.lineage})
     if not pairing.pairs and not pairing.invalid:
-        raise NotPossible(
-            f"{before.label} and {after.label} have no planning problem in common, not even in edited versions of one "
-            f"scenario: {'; '.join(_conditions(side, records) for side in (before, after))}",
-            next_step="run both configurations on the same scenarios in one run_planner call, or use analyze_results",
-        )
+        raise _nothing_shared(before, after, records)
     incomparable = before.config_id != after.config_id or any(
         name.startswith(("prediction", "world")) for name in pairing.differing
     )
@@ -500,12 +496,32 @@ def _flip(pair: tuple[RunRecord, RunRecord], runs: RunSet, place: int) -> Flip:
     )
 
 
-def _conditions(side: Side, records: dict[str, RunRecord]) -> str:
-    chosen = [records[run_id] for run_id in side.run_ids]
-    scenarios = sorted({record.scenario_id for record in chosen})
-    words = sorted({f"{_mode(record).replace('/', ', ')}, seed {record.seed}" for record in chosen})
-    more = "…" if len(scenarios) > 2 else ""
-    return f"{side.label}: {counted(len(scenarios), 'scenario')} ({', '.join(scenarios[:2])}{more}), {', '.join(words)}"
+def _nothing_shared(before: Side, after: Side, records: dict[str, RunRecord]) -> NotPossible:
+    """Return the refusal of two sides without a pair; it states in what they differ."""
+    sides = [[records[run_id] for run_id in side.run_ids] for side in (before, after)]
+    scenarios = [sorted({record.scenario_id for record in side}) for side in sides]
+    if set(scenarios[0]).isdisjoint(scenarios[1]):
+        rule, differing = ("only runs on one scenario, or on a single edited version of it, can be paired", scenarios)
+    else:
+        rule = "only runs of the same planning problem under the same conditions can be paired"
+        differing = [
+            sorted(
+                {f"{record.scenario_id}#{record.problem_id}, {_mode(record)}, seed {record.seed}" for record in side}
+            )
+            for side in sides
+        ]
+    where = [f"{side.label} ran on {_some(names)}" for side, names in zip((before, after), differing, strict=True)]
+    is_same = before.config_id == after.config_id
+    return NotPossible(
+        f"{rule}; {', and '.join(where)}",
+        next_step=f"run {'another configuration' if is_same else 'both configurations'} on the same scenarios with "
+        "run_planner, or use analyze_results",
+    )
+
+
+def _some(names: Sequence[str]) -> str:
+    """Return the first two names, and how many more there are."""
+    return " and ".join([*names[:2], *([f"{len(names) - 2} more"] if len(names) > 2 else [])])
 
 
 @dataclass(frozen=True)

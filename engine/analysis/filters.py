@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from ...schemas.errors import InvalidRequest, UnknownName, closest, with_values
+from ...schemas.errors import InvalidRequest, UnknownName, closest, instead, misspelt, with_values
 from ...schemas.grammar import Condition, Interval, parse_condition
 from ...schemas.measures import metric_of_label
 from ...schemas.runs import RunRecord, configuration_id
@@ -83,11 +83,10 @@ def _test(runs: RunSet, condition: Condition, text: str) -> Callable[[RunRecord]
     name = metric_of_label(condition.name)
     if name in _WORDS:
         if condition.value is None:
-            raise InvalidRequest(f"'{text}' compares {name}, which is text", valid=[f"{name}=…"])
+            raise _without_text(runs, name, text, is_bare=text.strip().lstrip("! ") == condition.name)
         return _word_test(runs, name, condition.value)
     if name not in _NUMBERS:
-        valid = closest(name, [*_WORDS, *sorted(_NUMBERS)])
-        raise UnknownName(f"'{text}' uses '{name}', which runs do not have", valid=valid)
+        raise _no_such_field(runs, name, text, is_bare=text.strip().lstrip("! ") == condition.name)
     if condition.value is not None:
         raise InvalidRequest(f"'{text}' compares {name}, a number, with text", valid=[f"{name}>=1", f"{name}=1..2"])
 
@@ -96,6 +95,41 @@ def _test(runs: RunSet, condition: Condition, text: str) -> Callable[[RunRecord]
         return value is not None and condition.interval.contains(value)
 
     return holds
+
+
+def _without_text(runs: RunSet, name: str, text: str, *, is_bare: bool) -> InvalidRequest:
+    """Return the refusal of a field of text without a text to compare with; the error lists the field's values."""
+    values = sorted({_WORDS[name](record)[0] for record in runs.records})
+    valid = [f"{name}={value}" for value in values]
+    return InvalidRequest(
+        f"'{text}' gives no value for {name}" if is_bare else f"'{text}' compares {name} with a number; {name} is text",
+        valid=valid,
+        next_step="choose a value",
+        remedies=[instead(text, value) for value in valid[:1]],
+        complete=True,
+    )
+
+
+def _no_such_field(runs: RunSet, name: str, text: str, *, is_bare: bool) -> UnknownName:
+    """Return the refusal of an unknown field; a bare word that is a value of a field becomes a condition on it."""
+    fields = [*_WORDS, *sorted(_NUMBERS)]
+    words = {field: {word for record in runs.records for word in of(record)} for field, of in _WORDS.items()}
+    meant = [f"{field}={name}" for field, known in words.items() if is_bare and name in known]
+    if meant:
+        return UnknownName(
+            f"'{text}' is a value, not a condition",
+            valid=meant,
+            next_step="write it as FIELD=VALUE",
+            remedies=[instead(text, one) for one in meant],
+            complete=True,
+        )
+    near = [field for field in closest(name, fields) if misspelt(name, [field])]
+    return UnknownName(
+        f"runs have no field '{name}'",
+        valid=dict.fromkeys([*near, *fields]),
+        next_step="write a condition such as outcome=goal_reached, with one of these fields",
+        complete=True,
+    )
 
 
 def _word_test(runs: RunSet, name: str, value: str) -> Callable[[RunRecord], bool]:

@@ -487,7 +487,7 @@ def _keys_of_place(connection: sqlite3.Connection, city: str) -> tuple[str, ...]
             raise UnknownName(
                 f"no scenario is in '{one_line(city)}', and no settlement of 5,000 inhabitants or more has this name",
                 valid=near,
-                next_step="choose one of these places, or leave the city out",
+                next_step="choose one of these places, or leave the place out",
                 remedies=meant,
             )
     return elsewhere

@@ -94,8 +94,13 @@ def _routes_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ..
         try:
             targets = target_lanelets(edit.to, scene, changes)
         except UnknownName as error:
-            near = reachable_lanelets(scene, starts)[:_AHEAD_TRIED]
-            raise error.also(*(with_values(to=[str(key)]) for key in near)) from error.__cause__
+            near = reachable_lanelets(scene, starts)
+            raise UnknownName(
+                error.message,
+                valid=near,
+                next_step="choose one of these; the ego reaches them, the nearest first",
+                remedies=[*error.remedies, *(with_values(to=[str(key)]) for key in near[:_AHEAD_TRIED])],
+            ) from error
         return [route_to(scene, starts, targets, "the ego")]
     branch = branch_for(scene, starts[0], edit.turn, "the ego")
     return [route_to(scene, starts[:1], [lanelet], "the ego") for lanelet in branch.lanelets]

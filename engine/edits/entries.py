@@ -7,7 +7,7 @@ road user. Lengths are in m, speeds in m/s.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -88,7 +88,15 @@ class OccupiedPlaces:
                 return name
         return None
 
-    def check_free(self, place: Place, size_m: tuple[float, float], next_step: str, *, side: int = 0) -> None:
+    def check_free(
+        self,
+        place: Place,
+        size_m: tuple[float, float],
+        next_step: str,
+        *,
+        side: int = 0,
+        suits: Callable[[Place], bool] = lambda _: True,
+    ) -> None:
         """Refuse an occupied place.
 
         Args:
@@ -96,13 +104,14 @@ class OccupiedPlaces:
             size_m: the length and width of the vehicle.
             next_step: the advice.
             side: 1 if the vehicle should be ahead of another one, -1 if behind, so that places on that side come first.
+            suits: whether the vehicle can enter at a free place.
 
         Raises:
             NotPossible: the error states the occupant and the nearest free places.
         """
         occupant = self.occupant(place, size_m)
         if occupant is not None:
-            free = self._free_beyond(place, size_m, side) or self._free_places(place, size_m)
+            free = self._free_beyond(place, size_m, side, suits) or self._free_places(place, size_m, suits)
             here = [
                 with_values(**dict.fromkeys(_SEVERAL)),
                 *(_alone_at(one) for one in _spaced_places(free, size_m[0])),
@@ -119,22 +128,29 @@ class OccupiedPlaces:
         """Return the nearest free places as ``at`` and ``position``, in the same lane or else in adjacent lanes."""
         return _format_places(self._free_places(place, size_m))
 
-    def _free_places(self, place: Place, size_m: tuple[float, float]) -> list[Place]:
+    def _free_places(
+        self, place: Place, size_m: tuple[float, float], suits: Callable[[Place], bool] = lambda _: True
+    ) -> list[Place]:
         lane, table = self.scene.layout.table.lanes[place.lanelet_id], self.scene.layout.table
         sides = [key for key in (lane.left, lane.right) if key is not None and key in table.lanes]
         next_to_it = [*table.successors[place.lanelet_id], *table.predecessors[place.lanelet_id], *sides]
-        return self._free_on([place.lanelet_id], place, size_m) or self._free_on(next_to_it, place, size_m)
+        here = self._free_on([place.lanelet_id], place, size_m, suits)
+        return here or self._free_on(next_to_it, place, size_m, suits)
 
-    def _free_beyond(self, place: Place, size_m: tuple[float, float], side: int) -> list[Place]:
+    def _free_beyond(
+        self, place: Place, size_m: tuple[float, float], side: int, suits: Callable[[Place], bool]
+    ) -> list[Place]:
         """Return the nearest free places ahead of a place (side 1) or behind it (-1) along the lane."""
         table, here = self.scene.layout.table, place.lanelet_id
         if not side:
             return []
         onward = [here, *(table.successors if side > 0 else table.predecessors)[here]]
-        free = self._free_on(onward, place, size_m)
+        free = self._free_on(onward, place, size_m, suits)
         return [one for one in free if one.lanelet_id != here or (one.station_m - place.station_m) * side > 0]
 
-    def _free_on(self, lanelets: list[int], place: Place, size_m: tuple[float, float]) -> list[Place]:
+    def _free_on(
+        self, lanelets: list[int], place: Place, size_m: tuple[float, float], suits: Callable[[Place], bool]
+    ) -> list[Place]:
         """Return free places on the given lanelets, ordered by straight-line distance from a place."""
         wanted, lanes = place.pose(self.scene)[0], self.scene.layout.table.lanes
         tried = []
@@ -145,7 +161,8 @@ class OccupiedPlaces:
                 distance_m = float(np.linalg.norm(Place(key, station).pose(self.scene)[0] - wanted))
                 tried.append((distance_m, key, station))
         places = (Place(key, station) for _, key, station in sorted(tried))
-        return list(islice((free for free in places if self.occupant(free, size_m) is None), _FREE_PLACES_FOUND))
+        free = (one for one in places if self.occupant(one, size_m) is None and suits(one))
+        return list(islice(free, _FREE_PLACES_FOUND))
 
 
 _RELATIVE = ("offset_m", "gap_s", "lane")
@@ -273,12 +290,17 @@ def entry_speed(
             f"{speed:.1f} m/s would be hit by vehicle {follower.vehicle_id}, which follows {gap:.1f} m behind at "
             f"{follower.speed_mps:.1f} m/s and cannot brake enough",
             reason=HIT_ON_ENTRY,
-            valid=[f"at least {needed:.0f} m ahead of its front", "a given speed, which reports the collision instead"],
-            next_step="choose a place farther ahead of it or behind it, or give a speed",
+            valid=[
+                f"a place at least {math.ceil(needed)} m ahead of vehicle {follower.vehicle_id}'s front",
+                "a place behind it",
+                _OWN_SPEED,
+            ],
+            next_step="choose another place, or give a speed",
         )
     return EntrySpeed(speed, reason)
 
 
+_OWN_SPEED = "a speed in the edit, with which the collision is reported, not refused"
 NO_NEIGHBOURS = "no vehicle ahead in its lane", "no vehicle behind"
 
 
@@ -452,7 +474,7 @@ def _check_not_run_over(simulated: SimulatedEdits) -> None:
             f"{plan.from_step * scene.step_s:.1f} s would be hit by vehicle {other}, which arrives there at "
             f"{speed_mps:.1f} m/s and cannot brake enough",
             reason=HIT_ON_ENTRY,
-            valid=[*_next_safe_time(simulated, plan), "a given speed, which reports the collision instead"],
+            valid=[*_next_safe_time(simulated, plan), _OWN_SPEED],
             next_step="choose another place or time, or give a speed",
         )
 

@@ -237,6 +237,10 @@ def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     return EditStep(changes, vehicles, f"runs a red light: {'; '.join(words[:3])}", measure=measured)
 
 
+_LIGHTS_NAMED = 8
+"""Number of lanelets with lights that a refusal names (chosen)."""
+
+
 def _next_light(scene: Scene, plan: DrivePlan) -> tuple[Signal, int, float]:
     """Return the first light on a vehicle's route, its lanelet, and how far ahead of the front its line is.
 
@@ -248,10 +252,14 @@ def _next_light(scene: Scene, plan: DrivePlan) -> tuple[Signal, int, float]:
         line_m = start_m + scene.layout.table.lanes[key].length_m
         if key in by_lanelet and line_m > 0.0:
             return by_lanelet[key], key, line_m
+    # The lanelets behind a vehicle's first one are ahead of it; its plan may differ from its recording.
+    reaching = [key for key, match in scene.matches.items() if not by_lanelet.keys().isdisjoint(match.sequence)]
+    lights = ", ".join(map(str, sorted(by_lanelet)[:_LIGHTS_NAMED]))
+    where = f"; lights with a cycle are at {lights}" if by_lanelet else "; no light of the scenario has a cycle"
     raise NotPossible(
-        f"vehicle {plan.start.obstacle_id} has no traffic light with a cycle ahead on its route",
-        valid=[f"lights at lanelet {key}" for key in sorted(by_lanelet)] or ["set_light to=[LANELET] adds one"],
-        next_step="choose a vehicle that reaches a light, or add one with set_light",
+        f"no traffic light with a cycle is ahead on the route of vehicle {plan.start.obstacle_id}{where}",
+        valid=[f"vehicles=['{key}']" for key in sorted(reaching) if key != plan.start.obstacle_id],
+        next_step=f"{'choose a vehicle that reaches a light, or ' if reaching else ''}add a light with op set_light",
     )
 
 

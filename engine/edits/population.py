@@ -310,10 +310,23 @@ def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehicl
     steps = range(first, scene.last_step if edit.time_s else first + 1)
     free = (step for step in steps if OccupiedPlaces.at(scene, step, changes).occupant(place, size) is None)
     step = next(free, first)
+
+    def suits(other: Place) -> bool:
+        return edit.speed is not None or _is_safe_entry(scene, changes, vehicle_class, other, step)
+
     OccupiedPlaces.at(scene, step, changes).check_free(
-        place, size, "choose a free place or another departure time", side=_side_of(edit)
+        place, size, "choose a free place or another departure time", side=_side_of(edit), suits=suits
     )
     return step
+
+
+def _is_safe_entry(scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int) -> bool:
+    """Return whether the vehicle behind a place can brake for a vehicle that enters there."""
+    try:
+        entry_speed(scene, changes, vehicle_class, place, step, (place.lanelet_id,))
+    except NotPossible:
+        return False
+    return True
 
 
 def _side_of(edit: Edit) -> int:

@@ -147,8 +147,10 @@ def _selector(text: str, scene: Scene) -> Selector:
     body = text.strip().removeprefix("!").lower()
     if body in EGO_WORDS or (scene.ego is not None and body == str(scene.ego.problem_id)):
         raise NotPossible(
-            f"'{text}' is the ego, which the planner drives; edits of the traffic cannot change it",
-            next_step="use op set_goal to move the ego's goal, or configure_planner to change how it drives",
+            f"the planner drives the ego, so edits of the traffic cannot change or remove it ('{text}')",
+            next_step="move its goal with op set_goal, change its start with op set_ego, or change how it drives with "
+            "configure_planner",
+            complete=True,
         )
     return parse_selector(text)
 

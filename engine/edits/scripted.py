@@ -392,11 +392,19 @@ def _aside_to_lane(scene: Scene, track: Track, step: int, side: str) -> float:
     if neighbour is None or neighbour not in lanes:
         other = {"left": "right", "right": "left"}[side]
         opposite = None if here is None else (lanes[here].left if other == "left" else lanes[here].right)
+        keys = [] if match is None else match.at_each(len(track.positions))
+        clear = (
+            at for at, key in enumerate(keys) if (lanes[key].left if side == "left" else lanes[key].right) in lanes
+        )
+        first = next(clear, None)
+        time_s = None if first is None else round((track.first_step + first) * scene.step_s, 3)
+        there = [f"lane={other}"] if opposite in lanes else []
+        ways = [f"the {other}"] * bool(there) + ["another time"] * (time_s is not None)
         raise NotPossible(
             f"on lanelet {here}, vehicle {track.obstacle_id} has no lane in its direction on the {side}",
-            valid=[*([f"lane={other}"] if opposite in lanes else []), "another time_s"],
-            next_step="choose another time or another lane",
-            remedies=[],  # the other side is not what was requested
+            valid=[*([] if time_s is None else [f"time_s={time_s:g}"]), *there],
+            next_step=f"choose {' or '.join([*ways, 'a vehicle on a road with another lane'])}",
+            remedies=[] if time_s is None else [with_values(time_s=time_s)],  # the other side is not what was requested
         )
     return -project(lanes[neighbour].center, track.positions[index])[1]
 
@@ -461,7 +469,7 @@ def cut_in(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     gap_s, lateral_s = _USUAL_GAP_S if edit.gap_s is None else edit.gap_s, edit.lateral_s or CUT_IN_S
     first = max(base.first_step, other.first_step, scene.ego.step if scene.ego else 0)
     path, own = _Path.of(scene, other), _Path.of(scene, base)
-    _check_next_lane(scene, base, path, first, who)
+    _check_next_lane(scene, base, path, first, who, other)
     found = _cut_in_motion(edit, scene, base, other, path, first, gap_s, lateral_s, who)
     over = round(lateral_s / scene.step_s)
     share = smooth_step((np.arange(len(found.stations)) - (found.last - over - found.first)) / over)
@@ -498,8 +506,8 @@ def _cut_off(edit: Edit, scene: Scene, changes: Changes) -> tuple[Track, str]:
     return track or base, f"vehicle {others[0]}"
 
 
-def _check_next_lane(scene: Scene, base: Track, path: _Path, first: int, who: str) -> None:
-    """Refuse a vehicle that is not in the lane next to a path.
+def _check_next_lane(scene: Scene, base: Track, path: _Path, first: int, who: str, other: Track) -> None:
+    """Refuse a vehicle that is not in the lane next to the path of the other road user.
 
     Raises:
         NotPossible: the vehicle is not in that lane; the message states where it is.
@@ -519,12 +527,29 @@ def _check_next_lane(scene: Scene, base: Track, path: _Path, first: int, who: st
     fitting = [
         key for key in scene.tracks if key != base.obstacle_id and _is_in_next_lane(scene.tracks[key], path, first)
     ]
+    sides = _next_lanes(scene, other, first)
+    added = [f"add_vehicle at={_name_of(who)} lane={side}, then vehicles=new:0" for side in sides]
+    none_next = "" if fitting or sides else f"; {who} has no lane next to it in its direction at that time"
     raise NotPossible(
-        f"vehicle {base.obstacle_id} cannot cut in on {who}, because it is not in the next lane: it {where}",
-        valid=[f"vehicles=['{key}']" for key in fitting]
-        or ["add_vehicle with lane=left or right, then vehicles=new:0"],
-        next_step="choose a vehicle in the next lane, or add one there",
+        f"vehicle {base.obstacle_id} cannot cut in on {who}, because it is not in the next lane: it {where}{none_next}",
+        valid=[f"vehicles=['{key}']" for key in fitting] or added,
+        next_step="choose a vehicle in the next lane, or add one there"
+        if fitting or sides
+        else f"use a scenario in which {who} has a lane next to it",
     )
+
+
+def _name_of(who: str) -> str:
+    """Return a road user as an edit names it: ``ego`` for *the ego*, otherwise its id."""
+    return who.rpartition(" ")[2]
+
+
+def _next_lanes(scene: Scene, track: Track, step: int) -> list[str]:
+    """Return the sides on which a road user has a lane in its direction at a step."""
+    match, lanes = scene.matcher.match(track), scene.layout.table.lanes
+    here = None if match is None else lanes[match.at(max(step - track.first_step, 0))]
+    sides = {} if here is None else {"left": here.left, "right": here.right}
+    return [side for side, key in sides.items() if key in lanes]
 
 
 def _is_in_next_lane(track: Track, path: _Path, step: int) -> bool:
@@ -679,8 +704,8 @@ def _sent_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _from_path(aside_m: float, who: str) -> str:
-    """Return the distance from another road user's path as text; a distance below 0.5 m counts as on the path."""
-    return f"{abs(aside_m):.1f} m from the path of {who}" if abs(aside_m) >= 0.5 else f"on the path of {who}"
+    """Return the distance from another road user's path as text; a distance below 0.5 m counts as in its lane."""
+    return f"{abs(aside_m):.1f} m from the path of {who}" if abs(aside_m) >= 0.5 else f"in the lane of {who}"
 
 
 def _verb(word: str, vehicles: Sequence[int]) -> str:

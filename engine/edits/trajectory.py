@@ -39,6 +39,7 @@ from .changes import (
     MOST_NAMED,
     Changes,
     EditStep,
+    car_at_start,
     check_speed,
     is_relative,
     listed,
@@ -49,7 +50,7 @@ from .changes import (
     requested_speed,
     within_time,
 )
-from .edited_scene import EditedScene
+from .edited_scene import EGO, EditedScene, new_overlaps
 from .placement import Place, first_place
 from .references import nearest_ids, select
 from .scripted import achieved, missed, motion_of, scripted_lane_change, scripted_speed
@@ -150,10 +151,12 @@ def _no_such_lane(edit: Edit, scene: Scene, plan: DrivePlan, here: int) -> NotPo
     there = [f"lane={other}"] if _adjacent_lanes(scene, [here], other) else []
     later = [f"on lanelet {key}" for key in plan.lanelets if _adjacent_lanes(scene, [key], str(edit.lane))]
     time_s = _first_time_with_lane(scene, plan.start.obstacle_id, str(edit.lane))
+    at_time = [] if time_s is None else [f"time_s={time_s:g}"]
+    ways = [f"the {other}"] * bool(there) + ["another time"] * bool(later or at_time)
     return NotPossible(
         f"on lanelet {here}, vehicle {plan.start.obstacle_id} has no lane in its direction on the {edit.lane}",
-        valid=[*there, *later],
-        next_step="choose another time or another lane",
+        valid=[*at_time, *there, *later],
+        next_step=f"choose {' or '.join([*ways, 'a vehicle on a road with another lane'])}",
         remedies=[] if time_s is None else [with_values(time_s=time_s)],  # the other side is not what was requested
     )
 
@@ -299,11 +302,12 @@ def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[
         plan, step = _plan_from(scene, changes, vehicle_id, edit.time_s)
         now = motion.speeds_mps[step - motion.first_step :]
         wanted = np.array([requested_speed(text, float(speed)) if speed > STANDING_MPS else 0.0 for speed in now])
+        extreme_mps = float(wanted.min() if wanted.min() < 0.0 else wanted.max())
         check_speed(
-            float(wanted.min() if wanted.min() < 0.0 else wanted.max()),
+            extreme_mps,
             class_of(motion.kind).maximum_speed_mps,
-            f"a {motion.kind} cannot drive at speed={text}",
-            "choose a smaller change",
+            f"a {motion.kind} cannot drive at {extreme_mps:.1f} m/s, as vehicle {vehicle_id} would with speed={text}",
+            "give a smaller change, or the new speed itself",
         )
         profile = _by_place(now, wanted)
         order = Manoeuvre(step, speed_mps=profile[-1], profile_mps=profile)
@@ -414,12 +418,35 @@ _SHARES_SHIFTED = (1.0, 0.5, 0.25)
 def _nothing_left(track: Track, steps: int, scene: Scene) -> InvalidRequest:
     low = (FEWEST_STATES - 1 - track.last_step) * scene.step_s
     high = (scene.last_step - FEWEST_STATES + 1 - track.first_step) * scene.step_s
+    furthest = low if steps < 0 else high
+    fitting = _furthest_clear(track, steps, scene)
     return InvalidRequest(
-        f"{steps * scene.step_s:g} s would leave nothing of vehicle {track.obstacle_id}'s recording",
-        valid=[f"time_s from {low:g} to {high:g}"],
+        f"a shift by {steps * scene.step_s:g} s would leave nothing of vehicle {track.obstacle_id}'s recording, which "
+        f"can move by {low:g} to {high:g} s",
+        valid=[f"time_s={fitting * scene.step_s:g}"] if fitting else [],
         next_step="shift it by less",
-        remedies=[with_values(time_s=round(share * (low if steps < 0 else high), 3)) for share in _SHARES_SHIFTED],
+        remedies=[
+            *([with_values(time_s=round(fitting * scene.step_s, 3))] if fitting else []),
+            *(with_values(time_s=round(share * furthest, 3)) for share in _SHARES_SHIFTED),
+        ],
     )
+
+
+def _furthest_clear(track: Track, steps: int, scene: Scene) -> int:
+    """Return the largest shift, in steps in the requested direction, after which a recording starts clear of all.
+
+    The result is 0 if there is none.
+    """
+    sign = -1 if steps < 0 else 1
+    others = [other for key, other in (scene.tracks | scene.standing).items() if key != track.obstacle_id]
+    others += [] if scene.ego is None else [car_at_start(scene.ego, EGO)]
+    for size in range(scene.last_step, 0, -1):
+        moved = moved_in_time(track, sign * size, scene)
+        if moved is not None and not new_overlaps(
+            [moved.part(0, 1)], others, {track.obstacle_id: moved}, {track.obstacle_id: sign * size}
+        ):
+            return sign * size
+    return 0
 
 
 def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:

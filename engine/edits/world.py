@@ -168,9 +168,10 @@ def _crop_time(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
     end = scene.last_step if edit.duration_s is None else begin + round(edit.duration_s / scene.step_s)
     if not 0 <= begin < end <= scene.last_step:
         raise InvalidRequest(
-            f"the scenario lasts from 0 to {scene.last_step * scene.step_s:g} s",
-            valid=[f"time_s and duration_s with an end of {scene.last_step * scene.step_s:g} s at most"],
-            next_step="choose a time within it",
+            f"the crop would last from {begin * scene.step_s:g} to {end * scene.step_s:g} s, but the scenario lasts "
+            f"from 0 to {scene.last_step * scene.step_s:g} s",
+            valid=[f"time_s + duration_s of at most {scene.last_step * scene.step_s:g} s"],
+            next_step="choose a part of the scenario",
             remedies=[
                 with_values(duration_s=None),
                 with_values(time_s=None, duration_s=scene.last_step * scene.step_s),
@@ -583,7 +584,9 @@ def _friction_named(text: str, value: str) -> tuple[float, str]:
             misspelt(value, ROAD_FRICTIONS) if math.isnan(friction) else [with_values(params=[f"friction={nearest:g}"])]
         )
         raise InvalidRequest(
-            f"{quoted(text)} is not a coefficient of friction between tyres and road",
+            f"{quoted(text)} is neither a number nor a state of the road"
+            if math.isnan(friction)
+            else f"{quoted(text)} is out of range: friction is from {LEAST_FRICTION:g} to {MOST_FRICTION:g}",
             valid=_VALID_FRICTIONS,
             next_step="choose one of these",
             given=text,

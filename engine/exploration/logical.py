@@ -76,7 +76,7 @@ def pre_crash_type(text: str) -> PreCrashType | None:
         )
     if not found.scenarios:
         raise NotPossible(
-            f"there is no logical scenario of NHTSA's type {number} ({found.name}), because {found.reason}",
+            f"there is no logical scenario of NHTSA pre-crash type {number} ({found.name}), because {found.reason}",
             valid=valid,
             next_step="use another type, or write a YAML file with a logical scenario",
         )

@@ -133,24 +133,30 @@ def choose_task(
     top_mps = ego_class(name).vehicle.maximum_speed_mps
     cars = [vehicle for vehicle in vehicles if vehicle.vehicle_class.name == name]
     cars = [vehicle for vehicle in cars if vehicle.motion.speeds_mps[0] <= top_mps]
+    lookup = LaneletLookup(network)
     if index is not None and index >= len(cars):
+        fitting = (
+            place
+            for place in reversed(range(len(cars)))
+            if _best_task([cars[place]], spec, network, lookup, focus, step_s, accepts) is not None
+        )
+        last = next(fitting, None)  # a lower index stands for the next car that has the goal
         raise NotPossible(
-            f"ego index:{index} is out of range: the traffic has {counted(len(cars), name)} that can be the ego",
-            valid=[f"index:0 to index:{len(cars) - 1}"] if cars else [],
+            f"ego index:{index} is out of range: the traffic has {counted(len(cars), name)}",
+            valid=[] if last is None else [f"index:0 to index:{last}"],
             next_step="choose a smaller index or a higher density",
-            remedies=[with_values(ego=None)],
+            remedies=[*([] if last is None else [with_values(ego=f"index:{last}")]), with_values(ego=None)],
         )
     choice = [cars[index]] if index is not None else cars
     _check_lanelet(goal, network)
-    lookup = LaneletLookup(network)
     if (task := _best_task(choice, spec, network, lookup, focus, step_s, accepts)) is not None:
         return task
     others = [] if index is None else cars[index + 1 :]
     if (task := _best_task(others, spec, network, lookup, focus, step_s, accepts)) is not None:
         return replace(task, stands_in=True)
     raise NotPossible(
-        f"{counted(len(choice) + len(others), name)} tried as the ego, but no route has a goal {goal.in_words()} that "
-        f"is at least {spec.shortest_path_m:g} m away, clear of the start, and reached within the recording",
+        f"no {name} ({len(choice) + len(others)} tried) reaches a goal {goal.in_words()} within the recording that is "
+        f"at least {spec.shortest_path_m:g} m away and clear of the start",
         valid=_driven_lanelets([*choice, *others], lookup) if goal.lanelet else [],
         next_step="choose another goal, a longer duration_s, another ego or another seed",
         reason=NO_TURN if goal.turn is not None else "",
@@ -234,9 +240,9 @@ def _check_lanelet(goal: RequestedGoal, network: RoadNetwork) -> None:
     key = goal.lanelet.lanelet_id
     if key not in network.lanelets:
         raise UnknownName(
-            f"the site has no lanelet {key}; describe_scenario lists the ids once a scenario has been generated there",
+            f"the site has no lanelet {key}",
             valid=closest(str(key), [str(known) for known in sorted(network.lanelets)]),
-            next_step="generate with another goal, then see describe_scenario, or set it with modify_scenario",
+            next_step="generate without a goal, then move it with op set_goal of modify_scenario",
             remedies=[with_values(goal=None)],
         )
     station_m(goal.lanelet.position, key, float(arc_length(network.lanelets[key].center)[-1]))

@@ -25,7 +25,8 @@ def resolve_road_classes(words: Iterable[str]) -> tuple[str, ...]:
     for word in words:
         known = GROUPS.get(word) or ((word,) if word in GROUPS["all"] else None)
         if known is None:
-            near = closest(word, GROUPS["all"], 5)
-            raise UnknownName(f"there is no road class {word!r}", valid=[*GROUPS, *near])
+            near = closest(word, [*GROUPS["all"], *GROUPS], len(GROUPS["all"]))
+            named = [*near, *GROUPS, *GROUPS["all"]]
+            raise UnknownName(f"there is no road class {word!r}", valid=dict.fromkeys(named), complete=True)
         values.update(dict.fromkeys(known))
     return tuple(values)

@@ -63,8 +63,8 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
             drawing = CHARTS[kind](RunSet(request.runs, request.configs, request.scenarios, request.lineage))
         else:
             raise NotPossible(
-                f"kind {kind} shows runs, but ids contains no run or batch",
-                next_step="pass run or batch ids",
+                f"kind {kind} needs runs, but ids contains no run or batch",
+                next_step="give the id of a run or batch",
                 remedies=[with_values(kind=None)],
             )
         images = (image_at(path, write_png(drawing.figure, path), drawing.alt_text),)
@@ -203,8 +203,10 @@ def _step(content: ScenarioContent, paths: tuple[DrivenPath, ...], time_s: float
     step = round(time_s / content.step_s)
     if step > last:
         raise InvalidRequest(
-            f"{content.scenario_id} ends at {last * content.step_s:.1f} s; time_s is {time_s:g}",
-            valid=[f"0..{last * content.step_s:.1f}"],
+            f"{content.scenario_id} {'and the runs on it end' if paths else 'ends'} at {last * content.step_s:.1f} s "
+            f"at the latest, before time_s={time_s:g}",
+            valid=[f"a time_s from 0 to {last * content.step_s:.1f}"],
+            next_step="choose a time in it",
             remedies=[with_values(time_s=round(last * content.step_s, 3))],
         )
     return step

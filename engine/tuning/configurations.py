@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from ...schemas.errors import Faults
 from ...schemas.planning import PlannerConfiguration, PlannerSettings, WeightChange, configuration_id_of
+from ...schemas.text import enumerated
 from ..planners import PLANNERS, known_planner
 from .settings import apply_assignments, changed_settings, known_settings, setting_values
 from .tunings import tuning_of
@@ -22,7 +23,7 @@ def preset_configuration(planner: str, preset: str | None = None) -> PlannerConf
         UnknownName: There is no such planner or preset.
     """
     name, tuning = known_planner(planner), tuning_of(planner)
-    chosen = tuning.presets[tuning.first_preset] if preset is None else tuning.preset(preset)
+    chosen = tuning.presets[tuning.first_preset] if preset is None else tuning.preset(preset, name)
     external = dict.fromkeys(tuning.external, 0.0)
     return _configuration(name, chosen.name, dict(chosen.weights), external, PlannerSettings())
 
@@ -56,13 +57,13 @@ def changed_configuration(
     taken: list[str] = []
     with faults.collecting():
         if preset is not None:
-            chosen = tuning.preset(preset)
+            chosen = tuning.preset(preset, base.planner)
             if preset.strip().lower() not in (chosen.name.lower(), chosen.short_name.lower()):
                 taken.append(f"{preset.strip()!r} is read as the preset {chosen.name}")
             start = base.model_copy(update={"weights": dict(chosen.weights), "preset": chosen.name})
     with faults.collecting():
         values, elsewhere = start.weights | start.external_weights, _names_elsewhere()
-        changed = apply_assignments(values, changes, limits=tuning.limits, elsewhere=elsewhere)
+        changed = apply_assignments(values, changes, limits=tuning.limits, owner=base.planner, elsewhere=elsewhere)
     with faults.collecting():
         after, setting_notes = changed_settings(base.settings, settings)
     faults.raise_all()
@@ -106,8 +107,10 @@ def _names_elsewhere() -> dict[str, str]:
         tuning = tuning_of(other)
         for name in dict.fromkeys((*tuning.weights, *tuning.external)):
             owners.setdefault(name, []).append(other)
-    names = {name: f"but of {', '.join(planners)}" for name, planners in owners.items()}
-    return names | dict.fromkeys(known_settings(), "but a setting; pass it in settings")
+    names = {
+        name: f"{enumerated(planners)} {'does' if len(planners) == 1 else 'do'}" for name, planners in owners.items()
+    }
+    return names | dict.fromkeys(known_settings(), "it is a setting, so pass it in settings")
 
 
 def _idle_notes(base: PlannerConfiguration, made: PlannerConfiguration) -> list[str]:

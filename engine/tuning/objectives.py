@@ -65,6 +65,8 @@ _MEASURES: Mapping[str, _Measure] = {
 }
 _NUMBER = r"\d+(?:\.\d*)?|\.\d+"
 _TERM = re.compile(rf"(?P<name>[A-Za-z_]+)(?:\s*\*\s*(?P<factor>{_NUMBER}))?")
+_ROUGH_BOUND = re.compile(r"(?P<name>[A-Za-z_]+)\s*(?P<operator>[<>])\s*(?P<bound>base|0(?:\.\d*)?|\.\d+|1(?:\.0*)?)")
+"""A bound with < or >, which stands for <= or >=."""
 _BOUND = re.compile(rf"(?P<name>[A-Za-z_]+)\s*(?P<operator>>=|<=)\s*(?P<bound>base|{_NUMBER})")
 
 
@@ -120,11 +122,22 @@ def parse_constraint(text: str) -> Constraint:
     """
     found = _BOUND.fullmatch(text.strip())
     if found is None:
+        rough = _ROUGH_BOUND.fullmatch(text.strip())
+        meant = [f"{rough['name']}{rough['operator'][0]}={rough['bound']}"] if rough else []
         raise InvalidRequest(
-            f"{quoted(text)} is not a constraint", valid=["success>=base", "collisions<=0.1"], given=text
+            f"{quoted(text)} is not a constraint; a constraint bounds a mean from 0 to 1 with >= or <=",
+            valid=[*meant, "success>=base", "collisions<=0.1"],
+            given=text,
         )
+    name, is_least = _known(found["name"]), found["operator"] == ">="
     bound = None if found["bound"] == "base" else float(found["bound"])
-    return Constraint(_known(found["name"]), found["operator"] == ">=", bound)
+    if bound is not None and bound > 1.0:
+        raise InvalidRequest(
+            f"{quoted(text)} is out of range: {name} is from 0 to 1",
+            valid=[f"{name}{found['operator']}{'base' if is_least else '1'}", f"{name}{found['operator']}0.9"],
+            given=text,
+        )
+    return Constraint(name, is_least, bound)
 
 
 def _known(name: str) -> str:

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest, instead
+from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest, instead, misspelt
 from ...schemas.grammar import Assignment, parse_assignment
 from ...schemas.planning import PlannerSettings
 from ..vehicles import VEHICLES, fits_together, parameter_values
@@ -29,12 +29,13 @@ def apply_assignments(
     *,
     limits: Mapping[str, tuple[float, float]] | None = None,
     kind: str = "cost weight",
+    owner: str = "",
     elsewhere: Mapping[str, str] | None = None,
 ) -> _ChangedValues:
     """Return the weights (or settings) after all changes, in order; apply no change if one is refused.
 
     ``jerk=lateral_jerk`` copies the other weight's value at that point. ``limits``: ranges of single names, otherwise 0
-    to 1e6; ``elsewhere``: maps names that do not belong here to an explanation.
+    to 1e6; ``elsewhere``: maps names that do not belong to the ``owner`` to an explanation.
 
     Raises:
         UnknownName: A weight does not exist; the error lists the nearest names.
@@ -46,14 +47,14 @@ def apply_assignments(
     for text in changes:
         with faults.collecting():
             if text.strip() in result:
-                raise _without_value(text, result[text.strip()])
+                raise _without_value(text.strip(), result[text.strip()], limits)
             change = _parse(text, result, limits)
-            name = _known(change.name, result, kind, elsewhere)
+            name = _known(change.name, result, kind, owner, elsewhere)
             before = result[name]
             if change.copied_from is not None:
-                after = result[_copied(change.copied_from, result, text, kind, before)]
+                after = result[_copied(name, change.copied_from, text, result, limits)]
             else:
-                after = _value(change, before, text)
+                after = _value(change, before)
             lowest, highest = limits.get(name, (0.0, LARGEST_WEIGHT))
             if not math.isfinite(after) or not lowest <= after <= highest:
                 most = _range_text(name, limits)
@@ -84,7 +85,20 @@ def _parse(text: str, names: Iterable[str], limits: Mapping[str, tuple[float, fl
         begins = re.match(r"\s*(\w+)", text)
         if begins is None or begins[1] not in names:
             raise
-        raise refusal.with_valid(_range_text(begins[1], limits)) from refusal
+        raise InvalidRequest(
+            refusal.message,
+            valid=_forms(begins[1], limits),
+            next_step=refusal.next_step,
+            remedies=refusal.remedies,
+            complete=True,
+        ) from refusal
+
+
+def _forms(name: str, limits: Mapping[str, tuple[float, float]]) -> list[str]:
+    """Return the assignments that suit a name: its range or, if any value suits it, every form."""
+    if name in limits:
+        return [_range_text(name, limits)]
+    return [_range_text(name, limits), f"{name}=0.5", f"{name}*2", f"{name}+0.1", f"{name}=other_name"]
 
 
 def _range_text(name: str, limits: Mapping[str, tuple[float, float]]) -> str:
@@ -94,21 +108,18 @@ def _range_text(name: str, limits: Mapping[str, tuple[float, float]]) -> str:
     return f"{name} from {lowest:g} to {highest:g}"
 
 
-def _without_value(text: str, before: float) -> InvalidRequest:
+def _without_value(name: str, before: float, limits: Mapping[str, tuple[float, float]]) -> InvalidRequest:
     """Return the refusal of a name without a value, which suggests an assignment with the current value."""
-    name = text.partition("=")[0].strip()
-    remedies = [instead(text, f"{name}={before:g}")]
     return InvalidRequest(
-        f"'{text}' assigns no value; {name} is {before:g} now",
-        valid=["name=0.5", "name*2", "name+0.1"],
-        remedies=remedies,
+        f"'{name}' assigns no value; {name} is {before:g} now",
+        valid=_forms(name, limits),
+        remedies=[instead(name, f"{name}={before:g}")],
+        complete=True,
     )
 
 
-def _value(change: Assignment, before: float, text: str) -> float:
-    operand = change.operand
-    if operand is None:
-        raise _without_value(text, before)
+def _value(change: Assignment, before: float) -> float:
+    operand = before if change.operand is None else change.operand
     if change.operator == "*":
         return before * operand
     if change.operator == "+":
@@ -116,28 +127,35 @@ def _value(change: Assignment, before: float, text: str) -> float:
     return round(before - operand, 12) if change.operator == "-" else operand
 
 
-def _copied(name: str, values: Mapping[str, float], text: str, kind: str, before: float) -> str:
-    """Return the name of the value to copy, in place of a number."""
-    folded = name if name in values else name.lower()
+def _copied(
+    name: str, word: str, text: str, values: Mapping[str, float], limits: Mapping[str, tuple[float, float]]
+) -> str:
+    """Return the name of the value to copy to a name, in place of a number."""
+    folded = word if word in values else word.lower()
     if folded not in values:
-        near = closest(name, values, 3)
+        meant = [other for other in closest(word, values, 3) if other != name and misspelt(word, [other])]
         raise UnknownName(
-            f"'{name}' in '{text}' is neither a number nor the name of a {kind}",
-            valid=["a number", *near],
-            next_step="set a number, or copy another value by its name",
-        ).also(instead(text, f"{text.partition('=')[0].strip()}={before:g}"))
+            f"{name} cannot be '{word}'",
+            valid=[_range_text(name, limits), *meant],
+            next_step=f"set a number{', or copy another value by its name' if meant else ''}",
+            complete=True,
+        ).also(instead(text, f"{name}={values[name]:g}"))
     return folded
 
 
-def _known(name: str, values: Mapping[str, float], kind: str, elsewhere: Mapping[str, str]) -> str:
+def _known(name: str, values: Mapping[str, float], kind: str, owner: str, elsewhere: Mapping[str, str]) -> str:
     folded = name if name in values else name.lower()
     if folded in values:
         return folded
     if folded in elsewhere:
-        raise UnknownName(f"'{folded}' is not a {kind} of this planner, {elsewhere[folded]}", valid=list(values)[:5])
+        raise UnknownName(
+            f"{owner} has no {kind} '{folded}'; {elsewhere[folded]}",
+            valid=list(values),
+            next_step="use one of these names" if values else "change its settings instead",
+        )
     raise UnknownName(
         f"there is no {kind} '{name}'",
-        valid=closest(name, values) or list(values)[:5],
+        valid=closest(name, values) or list(values),
         next_step=f"call list_planners for all {kind}s",
     )
 
@@ -199,16 +217,22 @@ def changed_settings(settings: PlannerSettings, changes: Iterable[str]) -> tuple
     """
     values, notes, known = setting_values(settings), list[str](), known_settings()
     limits = {name: (setting.lowest, setting.highest) for name, setting in known.items()}
-    names_vehicle = settings.states_vehicle
+    names_vehicle, faults = settings.states_vehicle, Faults()
     for text in changes:
-        changed = apply_assignments(values, [text], limits=limits, kind="setting")
-        values, notes = changed.values, [*notes, *changed.notes]
-        name = parse_assignment(text).name.lower()
-        if known[name].whole and values[name] != int(values[name]):
-            raise InvalidRequest(f"'{text}': {name} must be a whole number", valid=[known[name].range_text])
-        if name == "vehicle":
-            values |= parameter_values(VEHICLES[int(values[name])])
-            names_vehicle = True
+        with faults.collecting():
+            changed = apply_assignments(values, [text], limits=limits, kind="setting")
+            name = parse_assignment(text).name.lower()
+            if known[name].whole and changed.values[name] != int(changed.values[name]):
+                raise InvalidRequest(
+                    f"'{text}': {name} must be a whole number",
+                    valid=[known[name].range_text],
+                    remedies=[instead(text, f"{name}={round(changed.values[name])}")],
+                )
+            values, notes = changed.values, [*notes, *changed.notes]
+            if name == "vehicle":
+                values |= parameter_values(VEHICLES[int(values[name])])
+                names_vehicle = True
+    faults.raise_all()
     _fits_together(values)
     own = parameter_values(VEHICLES[int(values["vehicle"])])
     stated = {name: value for name, value in values.items() if name not in own or value != own[name]}

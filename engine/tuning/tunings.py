@@ -12,6 +12,7 @@ from typing import Literal, TypeVar
 
 from ...schemas.errors import UnknownName, closest
 from ...schemas.planning import PlannerDeclaration
+from ...schemas.text import enumerated
 from ..planners import known_planner, own_planner
 
 LARGEST_WEIGHT = 1e6
@@ -76,8 +77,8 @@ class PlannerTuning:
         ranges = {name: (weight.lowest, weight.highest) for name, weight in self.weights.items()}
         return {name: limits for name, limits in ranges.items() if limits != (0.0, LARGEST_WEIGHT)}
 
-    def preset(self, word: str) -> Preset:
-        """Return a preset by its name, short name or usual synonym, ignoring case.
+    def preset(self, word: str, planner: str = "this planner") -> Preset:
+        """Return a preset of the planner by its name, short name or usual synonym, ignoring case.
 
         Raises:
             UnknownName: There is no such preset; the error lists the names, likeliest first.
@@ -88,11 +89,17 @@ class PlannerTuning:
             if folded in words:
                 return preset
         likely = closest(word, self.presets)
+        others = [name for name, tuning in TUNINGS.items() if tuning is not self and tuning.has_preset(folded)]
+        elsewhere = f"; {enumerated(others)} {'has' if len(others) == 1 else 'have'} one" if others else ""
         raise UnknownName(
-            f"there is no preset '{word}'",
+            f"{planner} has no preset '{word}'{elsewhere}",
             valid=[*likely, *(name for name in self.presets if name not in likely)],
-            next_step="choose one of these, or set weights with name=value",
+            next_step=f"choose one of these{', or set weights with configure_planner' if self.weights else ''}",
         )
+
+    def has_preset(self, folded: str) -> bool:
+        """Return whether a preset has this name or short name, in lower case."""
+        return any(folded in (preset.name.lower(), preset.short_name.lower()) for preset in self.presets.values())
 
 
 _PRESET_WORDS = MappingProxyType(

@@ -19,6 +19,7 @@
 ``REPORT_NAME``: The file name of a report in the export folder.
 ``plan_exports``: Returns the files that an export must write.
 ``refuse_existing``: Raises if a file exists, before anything is written.
+``refuse_file``: Raises if a folder for files is a file.
 ``write_export``: Writes one file of an export as a whole.
 ``write_whole``: Writes a file under a free name and then renames it, so that it follows no link or pipe.
 ``content_digest``: Returns the SHA-256 of a file in hexadecimal.
@@ -54,7 +55,7 @@ if TYPE_CHECKING:
         write_text,
     )
     from .database import Database, make_private, still_runs, stored_json
-    from .export import REPORT_NAME, Export, plan_exports, refuse_existing, write_export, write_whole
+    from .export import REPORT_NAME, Export, plan_exports, refuse_existing, refuse_file, write_export, write_whole
     from .recipe import Recipe, content_digest, versions_of
     from .upkeep import Quota, disagreements, make_room, repair, room_used
 

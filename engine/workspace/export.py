@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ...schemas.artifacts import shown_path
 from ...schemas.errors import InvalidRequest, NotPossible, with_values
-from ...schemas.text import counted
+from ...schemas.text import counted, quoted
 from .artifacts import Artifact, Workspace, disk_failure
 
 _STORED = {
@@ -41,6 +42,8 @@ _WITH = {"openscenario": ("opendrive",), "json": ("steps", "series")}
 REPORT_NAME = "report.html"
 _SHARED = ("html", "suite")
 """Formats with files for all artifacts together."""
+_SHARED_BY = {"scenario": ("html",), "run": ("suite",), "batch": ("html", "suite")}
+"""The shared formats that can contain an artifact, by its kind."""
 _READABLE = 0o644
 """Temporary files are private; other users may read exports."""
 
@@ -77,8 +80,25 @@ def plan_exports(
     return tuple(
         Export(artifact, form, folder / (artifact.artifact_id + _ENDINGS.get(form, f".{form}")))
         for artifact in artifacts
-        for form in _formats(workspace, artifact, [form for form in formats if form not in _SHARED], bool(formats))
+        for form in _formats(workspace, artifact, formats)
+        if form not in _SHARED
     )
+
+
+def refuse_file(folder: Path) -> None:
+    """Raise if a folder for files, or a folder that contains it, is a file.
+
+    Raises:
+        InvalidRequest: It is a file; the error proposes the folder that contains it.
+    """
+    file = next((path for path in (folder, *folder.parents) if path.exists() and not path.is_dir()), None)
+    if file is not None:
+        raise InvalidRequest(
+            f"{quoted(shown_path(file))} is a file, not a folder",
+            valid=[shown_path(file.parent)],
+            next_step="choose a folder",
+            remedies=[with_values(folder=shown_path(file.parent))],
+        )
 
 
 def refuse_existing(paths: Sequence[Path]) -> None:
@@ -131,6 +151,11 @@ def write_whole(path: Path, fill: Callable[[Path], object]) -> None:
         raise disk_failure(path, error, step) from error
 
 
+def _kinds_with(form: str) -> list[str]:
+    """Return the kinds of artifacts whose export in a format is made for it."""
+    return [kind for kind, forms in _MADE.items() if form in (*forms, *_SHARED_BY[kind])]
+
+
 def _fill(partial: Path, workspace: Workspace, export: Export, made: Path | None) -> None:
     if made is not None:
         shutil.copyfile(made, partial)
@@ -142,19 +167,23 @@ def _fill(partial: Path, workspace: Workspace, export: Export, made: Path | None
         partial.write_text(content.model_dump_json(indent=1), encoding="utf-8")
 
 
-def _formats(workspace: Workspace, artifact: Artifact, requested: Sequence[str], any_requested: bool) -> list[str]:
+def _formats(workspace: Workspace, artifact: Artifact, requested: Sequence[str]) -> list[str]:
     folder = workspace.folder(artifact.kind, artifact.artifact_id)
     stored = [form for form, name in _STORED.items() if (folder / name).is_file()]
-    available = [*stored, *_WRITTEN, *_MADE.get(artifact.kind, ())]
+    available = [*stored, *_WRITTEN, *_MADE.get(artifact.kind, ()), *_SHARED_BY.get(artifact.kind, ())]
     if artifact.record.get("outcome") == "invalid":  # an invalid run has no trajectory
         available = [form for form in available if form not in ("solution", "csv", "parquet")]
     missing = [form for form in requested if form not in available]
     if missing:
         kept = [form for form in requested if form in available]
+        drawn = [form for form in _DRAWN if form in available and not set(missing).isdisjoint(_DRAWN)]
+        suited = [f"; {form} needs a {kinds}" for form in missing if (kinds := " or ".join(_kinds_with(form)))]
         raise InvalidRequest(
-            f"{artifact.artifact_id} cannot be exported as {', '.join(missing)}",
+            f"the {artifact.kind} {artifact.artifact_id} cannot be exported as {', '.join(missing)}{''.join(suited)}",
             valid=available,
-            remedies=[with_values(formats=kept or available[:1])],
+            next_step="choose one of these formats",
+            remedies=[with_values(formats=kept or drawn[:1] or None)],
+            complete=True,
         )
     wanted = [form for one in requested for form in (*(also for also in _WITH.get(one, ()) if also in available), one)]
-    return list(dict.fromkeys(wanted)) if any_requested else [*stored, *_WRITTEN]
+    return list(dict.fromkeys(wanted)) if requested else [*stored, *_WRITTEN]

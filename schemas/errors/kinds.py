@@ -153,7 +153,7 @@ class UnknownName(InvalidRequest):
 
     code = "unknown_name"
     names_valid = True
-    usual_step = "use an existing name, spelled as listed"
+    usual_step = "use one of the names listed"
 
 
 class OutsideRoots(InvalidRequest):
@@ -391,6 +391,8 @@ def rebuild(
     )
 
 
+_ALIKE = 75.0
+"""The minimum similarity (in percent) of a word to a whole name that it may misspell (chosen, as in remedies)."""
 _COMPARED = 2000
 """How many known words a word is compared with (chosen: at 200 characters each, this takes under 0.1 s)."""
 
@@ -398,7 +400,8 @@ _COMPARED = 2000
 def closest(word: str, known: Iterable[str], limit: int = 12) -> list[str]:
     """Return known words, the most similar to ``word`` first (case and accents ignored).
 
-    Only 200 characters of each of the first 2,000 words are compared, so that no name slows down the server.
+    Likely misspellings of a whole name precede names that contain the word; of those, the shorter ones come first. Only
+    200 characters of each of the first 2,000 words are compared, so that no name slows down the server.
     """
     from rapidfuzz import fuzz, process, utils
 
@@ -407,4 +410,7 @@ def closest(word: str, known: Iterable[str], limit: int = 12) -> list[str]:
 
     choices = list(islice(known, _COMPARED))
     scored = process.extract(word, choices, scorer=fuzz.WRatio, processor=compared, limit=limit)
-    return [choice for choice, _, _ in scored]
+    whole = {choice: fuzz.ratio(word, choice, processor=compared) for choice, _, _ in scored}
+    alike = {choice: ratio if ratio >= _ALIKE else 0.0 for choice, ratio in whole.items()}
+    ranked = sorted(scored, key=lambda found: (-alike[found[0]], -round(found[1]), len(found[0])))
+    return [choice for choice, _, _ in ranked]

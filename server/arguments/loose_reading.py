@@ -13,6 +13,7 @@ from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from ...schemas.text import uncited
 
@@ -50,11 +51,36 @@ def read_loosely(model: type[BaseModel], given: Mapping[str, Any], where: str = 
         if value is None and not _accepts_none(model.model_fields[resolved].annotation):
             reading.notes.append(f"{path}=null is read as not given")
             continue
-        read = _value(model.model_fields[resolved].annotation, value, path, reading.notes)
+        field_of = model.model_fields[resolved]
+        written = _as_assignments(value) if _takes_assignments(field_of) else value
+        read = _value(field_of.annotation, written, path, reading.notes)
         if not _is_same(read, value):
             reading.notes.append(f"{path}={_short(value)} is read as {_short(read)}")
         reading.values[resolved] = read
     return reading
+
+
+def _takes_assignments(field_of: FieldInfo) -> bool:
+    """Return whether a field takes a list of texts such as ``jerk=0.5``, as its description shows."""
+    return "list[str]" in str(field_of.annotation) and "=" in (field_of.description or "")
+
+
+def _as_assignments(value: Any) -> Any:
+    """Return a value with each object of names and values, such as ``{"jerk": 0.5}``, as texts: ``jerk=0.5``."""
+    if isinstance(value, str) and value.lstrip().startswith("{"):
+        try:
+            value = json.loads(value)
+        except (ValueError, RecursionError):
+            return value
+    parts = value if isinstance(value, list) else [value]
+    if not any(isinstance(part, dict) for part in parts):
+        return value
+    return [text for part in parts for text in (_assignments_of(part) if isinstance(part, dict) else [part])]
+
+
+def _assignments_of(pairs: dict[str, Any]) -> list[Any]:
+    plain = all(isinstance(value, int | float | str) and not isinstance(value, bool) for value in pairs.values())
+    return [f"{name}={value}" for name, value in pairs.items()] if plain else [pairs]
 
 
 def _resolve_field(model: type[BaseModel], name: str, given: Mapping[str, Any]) -> str:

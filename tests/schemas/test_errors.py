@@ -176,3 +176,11 @@ def test_one_fault_is_reported_unchanged_and_other_errors_are_not_collected() ->
         faults.raise_all()
     with pytest.raises(UnsafeInput), faults.collecting():
         raise UnsafeInput("broken")
+
+
+@pytest.mark.parametrize(
+    ("word", "nearest"),
+    [("lead_brake", "lead_braking"), ("lead_brakng", "lead_braking"), ("boxed_in", "lead_braking_boxed_in")],
+)
+def test_a_misspelt_whole_name_precedes_longer_names_that_contain_the_word(word: str, nearest: str) -> None:
+    assert closest(word, ["lead_braking_boxed_in", "accelerating_lead", "lead_braking", "merge"])[0] == nearest

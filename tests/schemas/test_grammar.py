@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from plannerforge.schemas.errors import InvalidRequest, PlannerForgeError, UnknownName
 from plannerforge.schemas.grammar import (
     Assignment,
+    BaseUnit,
     Condition,
     Interval,
     Selector,
@@ -287,3 +288,21 @@ def test_digits_of_other_scripts_never_crash(text: str) -> None:
 def test_intervals_are_read_as_people_write_them(text: str, low: float, high: float) -> None:
     interval = parse_interval(text, "m/s")
     assert (interval.low, interval.high) == (pytest.approx(low), pytest.approx(high))
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "proposed"),
+    [("3m", "s", ["3s"]), ("50 km", "m/s", ["50km/h"]), ("5 mpps", "m/s", ["5mps"]), ("5 xyz", "s", [])],
+)
+def test_a_wrong_unit_is_replaced_by_its_quotient_the_base_unit_or_a_similar_one(
+    text: str, unit: BaseUnit, proposed: list[str]
+) -> None:
+    with pytest.raises(InvalidRequest) as refusal:
+        parse_quantity(text, unit)
+    assert [word for remedy in refusal.value.remedies for word in remedy.changes[0].words.values()] == proposed
+
+
+@pytest.mark.parametrize("text", ["car>-3", "car=-2", "car<=-1", "car=-2..3"])
+def test_a_count_is_never_compared_with_a_negative_number(text: str) -> None:
+    with pytest.raises(InvalidRequest):
+        parse_condition(text, whole=True)

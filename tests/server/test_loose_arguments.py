@@ -119,3 +119,17 @@ def test_valid_arguments_are_unchanged(arguments: dict[str, Any]) -> None:
     notes: list[str] = []
     assert read_arguments(Request, arguments, notes) == Request.model_validate(arguments)
     assert notes == []
+
+
+class Weighing(Arguments):
+    weights: list[str] = Field(default=[], description="'jerk=0.5'")
+    ids: list[str] = Field(default=[], description="ids")
+
+
+@pytest.mark.parametrize("written", [{"jerk": 0.5}, [{"jerk": 0.5}], '{"jerk": 0.5}'])
+def test_an_object_is_read_as_assignments_where_a_field_takes_them(written: Any) -> None:
+    notes: list[str] = []
+    assert read_arguments(Weighing, {"weights": written}, notes).weights == ["jerk=0.5"]
+    assert len(notes) == 1
+    with pytest.raises(InvalidRequest):
+        read_arguments(Weighing, {"ids": written})

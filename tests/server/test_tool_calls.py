@@ -76,7 +76,7 @@ async def test_unknown_field_of_an_object_in_a_list_is_refused_with_the_closest(
         ({"text": "x", "tags": [[1]]}, "tags[0] cannot be [1]"),
         ({"text": "x", "edits": [7]}, "edits[0] cannot be 7"),
         ({"text": "x", "edits": [{"op": "rerout"}]}, "edits[0].op cannot be 'rerout'. Valid: reroute, remove"),
-        ({"text": "x", "edits": [{}]}, "the required argument 'edits[0].op' (remove, reroute) is missing"),
+        ({"text": "x", "edits": [{}]}, "the required argument 'edits[0].op' is missing. Valid: remove, reroute."),
         ({"text": "x", "tags": "[broken"}, "tags cannot be '[broken'"),
         ({"count": 0, "density": "x"}, "'text' (text) is missing; count cannot be 0"),
     ],

@@ -27,23 +27,22 @@ CASES: tuple[tuple[str, dict[str, Any], tuple[str, ...]], ...] = (
     (
         "run_planner",
         {"scenarios": ["ZAM_Bilder-1_1_T-1", "preset:many"], "configs": ["frenetix:Fast", "cfg_0"]},
-        ("ZAM_Builder-1_1_T-1", "preset:10", "there is no preset 'Fast'", "there is no configuration 'cfg_0'"),
+        ("ZAM_Builder-1_1_T-1", "preset:10", "frenetix has no preset 'Fast'", "there is no configuration 'cfg_0'"),
     ),
     (
         "configure_planner",
         {"preset": "fast", "weights": ["jerk=purple", "lateral_jrk=1"], "settings": ["vehicle=9"]},
-        (
-            "4 errors",
-            "no preset 'fast'",
-            "'purple' in 'jerk=purple' is neither a number",
-            "lateral_jerk",
-            "vehicle from 1 to 4",
-        ),
+        ("4 errors", "no preset 'fast'", "jerk cannot be 'purple'", "lateral_jerk", "vehicle from 1 to 4"),
     ),
     (
         "find_scenarios",
         {"tags": ["urbn"], "obstacles": ["trck"], "road_net": ["lanes=x"], "ego_speed": "50"},
         ("4 errors", "urban", "truck", "lanes=x", "without a unit"),
+    ),
+    (
+        "optimize_planner",
+        {"scenarios": ["latest"], "base": "idm", "objective": ["safety"], "constraints": ["success>2"]},
+        ("3 errors", "'safety'", "'success>2'", "preset:100"),
     ),
     ("analyze_results", {"results": ["run_0", "batch_0"]}, ("2 errors", "run_0", "batch_0")),
     ("export_artifacts", {"ids": ["run_0", "cfg_0"], "folder": "."}, ("2 errors", "run_0", "cfg_0")),

@@ -66,7 +66,8 @@ async def test_solution_of_a_run_and_tables_of_a_batch(settings: Settings, tmp_p
         taken = await ask("export_artifacts", ids=["ZAM_Builder-1_1_T-1"], formats=["html"], folder="r")
         assert "overwrite" in taken
         unseen = await ask("export_artifacts", ids=["current"], formats=["html"], folder="unseen")
-        assert "a report cannot show the config" in unseen
+        assert "[invalid_request]" in unseen
+        assert "Valid: yaml, json, recipe." in unseen
         assert not (tmp_path / "unseen").exists()
         stored = await ask("export_artifacts", ids=[grid["batch_id"]], folder="plain")
         assert {file["format"] for file in stored["files"]} == {"json", "recipe"}

@@ -56,7 +56,7 @@ async def test_no_site_is_used_twice_and_too_few_sites_give_fewer_scenarios(conn
         ({"vehicles": ["truck=5", "truck=2"]}, "contains truck more than once"),
         ({"vehicles": ["bicycle=0"], "ego": "type:bicycle"}, "vehicles excludes it"),
         ({"vehicles": ["taxi=70%", "bus=40%"]}, "add up to 110%"),
-        ({"vehicles": ["car=50%"]}, "cars are the rest"),
+        ({"vehicles": ["car=50%"]}, "make up the rest"),
         ({"duration_s": 0}, "duration_s"),
         ({"road_classes": ["motorwy"]}, "motorway"),
         ({"goal": "tomorrow"}, "steps:N"),

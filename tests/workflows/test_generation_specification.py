@@ -10,7 +10,7 @@ from support.tree import CHECKOUT
 
 from plannerforge.engine.maps import MapMatch
 from plannerforge.engine.maps.index import built_in_maps
-from plannerforge.schemas.errors import InvalidRequest
+from plannerforge.schemas.errors import InvalidRequest, UnknownName
 from plannerforge.schemas.errors.remedies import followed
 from plannerforge.schemas.generation import (
     GenerateScenariosArguments,
@@ -77,6 +77,13 @@ def test_all_faults_of_a_generation_call_are_reported_at_once() -> None:
     with pytest.raises(InvalidRequest) as refusal:
         read(goal="nowhere", ego="second", bbox=[3, 2, 1, 4], vehicles=["spaceship"], conditions=["weather=sunny"])
     assert len(refusal.value.faults) == 5
+
+
+def test_a_misspelt_country_is_refused_with_the_nearest_one_first() -> None:
+    with pytest.raises(UnknownName) as refusal:
+        read(place="Musterstadt", country="Germny")
+    assert refusal.value.valid[0] == "Germany"
+    assert refusal.value.remedies[0].changes[0].values == {"country": "Germany"}
 
 
 def test_a_turn_that_no_ego_makes_at_a_type_is_refused_with_possible_turns() -> None:

@@ -7,6 +7,7 @@ from ...engine.planners import PLANNERS
 from ...schemas.analysis.comparison import CompareRequest, CompareResultsArguments, CompareResultsResult, Side
 from ...schemas.errors import InvalidRequest, Remedy, calling, with_values
 from ...schemas.runs import BatchRecord, RunRecord, RunSource, configuration_id
+from ...schemas.text import counted
 from ..context import WorkflowContext
 from ..operations import COMPARE
 from ..results import ChosenResult, chosen_runs, config_weights, lineages, scenario_sources
@@ -16,6 +17,9 @@ async def compare_results(arguments: CompareResultsArguments, context: WorkflowC
     """Return paired tests of every side against the first, or of matching sides of several batches."""
     words, notes = _words_of(arguments, context)
     chosen, runs = chosen_runs(words, context)
+    if len(chosen) < len(words):
+        ids = " and ".join(result.result_id for result in chosen)
+        notes = (*notes, f"{counted(len(words), 'result')} given, but only {ids} among them; each counts once")
     try:
         sides, couples, more = _sides_of(chosen, runs)
     except InvalidRequest as error:
@@ -107,7 +111,7 @@ def _sides_of(
     if len(sides) < 2:
         labels = ", ".join(side.label for side in sides)
         raise InvalidRequest(
-            f"there is only one side to compare: {labels}",
+            f"{labels or 'no run'} has nothing to be compared with",
             valid=["two runs", "two batches", "one batch with several configurations"],
             next_step="give a second run or batch",
         )

@@ -614,8 +614,18 @@ def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Pla
         base = resolve_configuration(arguments.base, context)
         space = dimensions(base.planner, arguments.vary)
         check_world(base.planner, world)
+        if arguments.method == "morris" or arguments.method == "sobol":
+            _check_design(arguments.method, len(space), arguments.max_trials)
     with faults.collecting():
         choice = choose_scenarios(arguments.scenarios, context)
+        lineage = {
+            one.scenario_id: one.root for one in lineages((one.scenario_id for one in choice.scenarios), context)
+        }
+        roots = {one.scenario_id: lineage.get(one.scenario_id, one.scenario_id) for one in choice.scenarios}
+        if arguments.method in _SENSITIVITY:
+            parts: _Parts = (tuple(choice.scenarios), ()), ((), ()), ()
+        else:
+            parts = _divided(choice.scenarios, roots, arguments.seed, _strata(choice.scenarios, roots, context))
     with faults.collecting():
         if arguments.pareto and (arguments.method not in ("tpe", "random") or len(arguments.objective) < 2):
             raise InvalidRequest(
@@ -624,15 +634,6 @@ def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Pla
                 remedies=[with_values(method="tpe") if len(arguments.objective) > 1 else with_values(pareto=None)],
             )
     faults.raise_all()
-    if arguments.method == "morris" or arguments.method == "sobol":
-        _check_design(arguments.method, len(space), arguments.max_trials)
-    lineage = {one.scenario_id: one.root for one in lineages((one.scenario_id for one in choice.scenarios), context)}
-    roots = {one.scenario_id: lineage.get(one.scenario_id, one.scenario_id) for one in choice.scenarios}
-    strata = _strata(choice.scenarios, roots, context)
-    if arguments.method in _SENSITIVITY:
-        parts: _Parts = (tuple(choice.scenarios), ()), ((), ()), ()
-    else:
-        parts = _divided(choice.scenarios, roots, arguments.seed, strata)
     (training, held_out), places, notes = parts
     store_configuration(context, base)
     return _Plan(
@@ -709,8 +710,10 @@ def _divided(
         notes = ("all scenarios are failures near one base, so the result is judged on other strata of its search",)
     if len(groups) < 2:
         raise NotPossible(
-            f"all scenarios ({len(scenarios)}) are on one map, so no map can be held out",
-            next_step="use scenarios of several places, for instance preset:100",
+            f"the search judges its result on a map of its own, but {_on_one_map(len(scenarios))}",
+            valid=["scenarios of two places or more, such as preset:100"],
+            next_step="add scenarios of another place",
+            complete=True,
         )
     choice = random.Random(seed)  # noqa: S311 - not a secret
     drawn = sorted(groups)
@@ -731,6 +734,10 @@ def _by_stratum(scenarios: Sequence[ChosenScenario], strata: Mapping[str, str]) 
     for one in sorted(scenarios, key=lambda one: (one.scenario_id, one.problem_id or 0)):
         groups.setdefault(strata[one.scenario_id], []).append(one)
     return groups
+
+
+def _on_one_map(count: int) -> str:
+    return "the only scenario is on one map" if count == 1 else f"all {count} scenarios are on one map"
 
 
 def _grouped(

@@ -417,7 +417,7 @@ def _failure_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: s
         )
     message = (
         f"{refusal.message.rstrip('.')}, and {failure.message.rstrip('.')}; "
-        "until it can be reached, only local maps are searched, which have the valid names"
+        "until it can be reached, only local maps are available"
     )
     return ServiceFailure(
         message,

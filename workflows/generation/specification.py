@@ -14,7 +14,7 @@ from typing import get_args
 
 from ...engine.catalog import manoeuvres_in
 from ...engine.cosimulation import presets
-from ...engine.maps import country_code, resolve_road_classes
+from ...engine.maps import resolve_road_classes
 from ...engine.traffic import (
     SHARES_OF_DAY_SOURCE,
     SPEED_FACTORS,
@@ -61,6 +61,7 @@ from ...schemas.grammar import as_exclusion, parse_condition
 from ...schemas.maps import Box
 from ...schemas.text import counted
 from ...schemas.vocabulary import MANOEUVRES
+from ..maps import known_country
 from .flow_tables import NAMING
 
 MOST_VEHICLES = 300
@@ -92,6 +93,7 @@ def read_specification(arguments: GenerateScenariosArguments) -> GenerationSpec:
     faults = Faults()
     read = _ReadConditions()
     goal, ego, bbox = RequestedGoal.of(USUAL_GOAL), RequestedEgo(), None
+    code: str | None = None
     road_classes: tuple[str, ...] = ()
     vehicles: tuple[VehicleDemand, ...] = ()
     taken: list[str] = []
@@ -101,6 +103,8 @@ def read_specification(arguments: GenerateScenariosArguments) -> GenerationSpec:
         goal = RequestedGoal.of(arguments.goal)
     with faults.collecting():
         ego = _ego(arguments.ego)
+    with faults.collecting():
+        code = known_country(arguments.country)
     with faults.collecting():
         bbox = _box(arguments.bbox)
     with faults.collecting():
@@ -123,7 +127,7 @@ def read_specification(arguments: GenerateScenariosArguments) -> GenerationSpec:
         others=read.others,
         place=arguments.place,
         country=arguments.country,
-        country_code=_code_of(arguments.country),
+        country_code=code,
         count=arguments.count,
         source=arguments.source,
         trial_run=arguments.trial_run,
@@ -135,11 +139,6 @@ def _longest_s(arguments: GenerateScenariosArguments, goal: RequestedGoal) -> fl
     """Return up to when a recording may last for the ego's turn; None if the call states the duration or no turn."""
     is_stated = "duration_s" in arguments.model_fields_set
     return None if is_stated or goal.turn is None else float(LONGEST_FOR_TURN_S)
-
-
-def _code_of(country: str | None) -> str | None:
-    """Return the country's code for any spelling."""
-    return None if country is None else country_code(country) or country.upper()
 
 
 @dataclass(frozen=True)
@@ -428,7 +427,7 @@ def _vehicle_demands(texts: list[str], in_our_words: Iterable[str]) -> tuple[Veh
     if shared > 1:
         raise InvalidRequest(
             f"the shares in vehicles {texts} add up to {shared:.0%}",
-            valid=["shares of at most 100% in all; cars are the rest"],
+            valid=["shares of at most 100% together; cars make up the rest"],
             next_step="lower the shares, or give numbers, such as taxi=3",
             remedies=[with_values(vehicles=_with_lower_shares(texts, demands, shared))],
         )
@@ -504,11 +503,19 @@ def _bare_demand(name: str) -> VehicleDemand:
 
 
 def _shared_demand(text: str, name: str, share: float) -> VehicleDemand:
-    if name == "car" or share > 1:
+    if name == "car":
         raise InvalidRequest(
-            f"vehicles {text!r} is not valid",
-            valid=["taxi=30%: at most 100%, of any class but car; cars are the rest"],
-            remedies=[instead(text, name if name == "car" else f"{name}=100%")],
+            f"vehicles {text!r}: cars have no share of their own, because they make up the rest",
+            valid=["shares of other classes, such as taxi=30%, of at most 100% together"],
+            next_step="leave the share of cars out",
+            remedies=[instead(text, name)],
+        )
+    if share > 1:
+        raise InvalidRequest(
+            f"vehicles {text!r} is more than 100%",
+            valid=[f"{name}=100% or less"],
+            next_step="lower the share",
+            remedies=[instead(text, f"{name}=100%")],
         )
     return VehicleDemand(vehicle_class=name, share=share)
 
@@ -573,9 +580,14 @@ def _box(bbox: list[float] | None) -> Box | None:
     south, west, north, east = bbox
     if not (-90 <= south < north <= 90 and -180 <= west < east <= 180):
         ordered = [min(south, north), min(west, east), max(south, north), max(west, east)]
+        wrong = [
+            *([f"south ({south:g}) is not below north ({north:g})"] if south >= north else []),
+            *([f"west ({west:g}) is not below east ({east:g})"] if west >= east else []),
+        ]
         raise InvalidRequest(
-            f"bbox {bbox} is not a box",
-            valid=["[south, west, north, east] in degrees, south < north"],
+            f"bbox {bbox} is not a box: {' and '.join(wrong) or 'a number is out of range'}",
+            valid=["[south, west, north, east] in degrees, south from -90 to 90, west from -180 to 180"],
+            next_step="put the numbers in this order",
             remedies=[with_values(bbox=ordered)],
         )
     return south, west, north, east

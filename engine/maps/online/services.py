@@ -467,6 +467,8 @@ def _check_reachable(url: str) -> None:
     thread.join(CONNECT_S)
     if not outcome:
         raise Trouble(f"cannot be reached: no answer within {CONNECT_S:g} s")
+    if isinstance(outcome[0], socket.gaierror):
+        raise Trouble("cannot be reached: its address cannot be looked up; there may be no network")
     if outcome[0] is not None:
         raise Trouble(f"cannot be reached: {outcome[0].strerror or outcome[0]}")
 

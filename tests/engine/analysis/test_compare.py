@@ -157,7 +157,7 @@ def test_sides_under_different_predictions_are_paired_and_the_difference_is_name
 
 
 def test_sides_without_common_scenarios_are_refused() -> None:
-    with pytest.raises(NotPossible, match="no planning problem in common"):
+    with pytest.raises(NotPossible, match=r"ZAM_A-1_1_T-1.*ZAM_B-1_1_T-1"):
         compared([source(record("ZAM_A-1_1_T-1"))], [source(record("ZAM_B-1_1_T-1"))])
 
 
@@ -207,7 +207,7 @@ def test_the_same_scenario_is_preferred_and_several_versions_are_not_paired() ->
     found = compared(before, after, lineage=lineage).comparisons[0]
     assert (found.success.pairs, found.edited_count, found.unpaired) == (1, 0, 1)
     unclear = [source(record(f"ZAM_A-1_1_T-{n}", config=SAFE)) for n in (2, 3)]
-    with pytest.raises(NotPossible, match="in common"):
+    with pytest.raises(NotPossible):
         compared(before, unclear, lineage=lineage)
 
 

@@ -104,6 +104,14 @@ def test_a_shift_onto_a_vehicle_is_refused_with_the_nearest_ones_that_fit(
         assert apply(edits[0] | {"time_s": time_s}, builder=road).outcome.collisions == ()
 
 
+def test_a_shift_beyond_the_scenario_is_refused_with_the_largest_one_that_starts_clear(apply: Apply) -> None:
+    road = follower_and_leader(10.0)
+    with pytest.raises(InvalidRequest) as caught:
+        apply(shifted("32", 60), builder=road)
+    (fitting,) = caught.value.valid
+    assert apply(shifted("32", float(fitting.removeprefix("time_s="))), builder=road).outcome.collisions == ()
+
+
 def test_a_shift_onto_the_ego_is_refused(apply: Apply) -> None:
     behind = town_road().with_vehicles(driving(31, (20, 0), 10.0, 101))
     with pytest.raises(NotPossible, match=r"vehicle 31 would start on top of the ego at 0\.0 s"):

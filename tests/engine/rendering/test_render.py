@@ -159,7 +159,7 @@ def test_an_absent_road_user_is_refused_with_the_present_ones(tmp_path: Path, to
 
 
 def test_a_moment_after_the_end_is_refused(tmp_path: Path, town: ScenarioSource) -> None:
-    with pytest.raises(InvalidRequest, match=r"ends at 15\.0 s; time_s is 99"):
+    with pytest.raises(InvalidRequest, match=r"ends at 15\.0 s at the latest"):
         drawn(tmp_path, scenarios=(town,), time_s=99.0)
 
 

@@ -94,15 +94,34 @@ def test_a_value_that_is_not_a_number_is_refused_with_the_range_of_its_name(valu
 
 def test_weights_of_the_other_planner_and_settings_among_weights_are_named() -> None:
     for planner, text, says in (
-        ("idm", "jerk=1", "but of frenetix, fiss"),
-        ("frenetix", "time_headway_s=1", "but of idm"),
-        ("idm", "horizon_s=4", "pass it in settings"),
+        ("idm", "jerk=1", "frenetix and fiss do"),
+        ("frenetix", "time_headway_s=1", "idm, .* and rss do"),
+        ("idm", "horizon_s=4", "is a setting"),
     ):
         with pytest.raises(UnknownName, match=says):
             changed_configuration(base(planner), None, [text])
     with pytest.raises(UnknownName) as caught:
         named_configuration("idm:Safety")
     assert set(caught.value.valid) == {"Default", "Cautious", "Sporty"}
+
+
+def test_a_word_for_a_setting_is_answered_with_its_range_alone() -> None:
+    with pytest.raises(UnknownName) as refusal:
+        changed("vehicle=bmw")
+    assert refusal.value.valid == ("vehicle from 1 to 4",)
+
+
+@pytest.mark.parametrize(("written", "meant"), [("450cm", "length_m=4.5"), ("15ft", "length_m=4.572")])
+def test_a_value_with_a_unit_is_proposed_in_the_unit_of_its_name(written: str, meant: str) -> None:
+    with pytest.raises(InvalidRequest) as refusal:
+        changed(f"length_m={written}")
+    assert meant in [word for remedy in refusal.value.remedies for word in remedy.changes[0].words.values()]
+
+
+def test_all_wrong_settings_are_reported_together() -> None:
+    with pytest.raises(InvalidRequest) as refusal:
+        changed("vehicle=9", "width_m=40", "replan_steps=1.5")
+    assert len(refusal.value.faults) == 3
 
 
 def test_the_baseline_is_configured_like_any_planner() -> None:

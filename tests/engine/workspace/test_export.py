@@ -10,7 +10,14 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.workspace.artifacts import Artifact, Workspace
-from plannerforge.engine.workspace.export import Export, plan_exports, refuse_existing, write_export, write_whole
+from plannerforge.engine.workspace.export import (
+    Export,
+    plan_exports,
+    refuse_existing,
+    refuse_file,
+    write_export,
+    write_whole,
+)
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.base import Model
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, ResourceFailure
@@ -92,6 +99,25 @@ def test_format_that_one_artifact_lacks_is_refused_before_anything_is_written(
         export(workspace, [scenario, search], ["xml"], tmp_path / "out", overwrite=False)
     assert caught.value.valid == ("json", "recipe")
     assert not (tmp_path / "out").exists()
+
+
+def test_valid_formats_include_those_with_one_file_for_all_artifacts(
+    workspace: Workspace, scenario: Artifact, tmp_path: Path
+) -> None:
+    with pytest.raises(InvalidRequest, match="solution needs a run") as caught:
+        export(workspace, [scenario], ["solution"], tmp_path / "out", overwrite=False)
+    assert "html" in caught.value.valid
+    assert "suite" not in caught.value.valid
+
+
+@pytest.mark.parametrize("below", ["", "more"])
+def test_a_file_in_place_of_a_folder_is_refused_with_the_folder_that_contains_it(tmp_path: Path, below: str) -> None:
+    file = tmp_path / "map.osm"
+    file.write_text("a map")
+    with pytest.raises(InvalidRequest) as caught:
+        refuse_file(file / below)
+    assert caught.value.valid == (str(tmp_path),)
+    refuse_file(tmp_path / "new" / "folder")
 
 
 def test_existing_file_is_kept_unless_overwriting_was_requested(

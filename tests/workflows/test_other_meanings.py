@@ -1,0 +1,70 @@
+"""A word that refers to something of another kind, or almost to something, is refused with what it may mean."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+from support.catalog import facts
+from support.runs import record
+
+from plannerforge.engine.workspace import Recipe, Workspace
+from plannerforge.schemas.errors import InvalidRequest, UnknownName
+from plannerforge.schemas.runs import BatchRecord
+from plannerforge.schemas.scenarios import ScenarioRecord
+from plannerforge.workflows.context import Services, WorkflowContext
+from plannerforge.workflows.results import choose_results
+
+SCENARIO = "DEU_Bonn-1_1_T-1"
+
+
+@pytest.fixture
+def call(tmp_path: Path) -> Iterator[WorkflowContext]:
+    """A workspace with a scenario, a run on it, and the batch of this run."""
+    workspace, unused = Workspace(tmp_path), cast("Any", None)
+    bonn = ScenarioRecord(facts=facts(SCENARIO), origin="imported", content="bonn")
+    workspace.put("scenario", SCENARIO, recipe=Recipe(tool="import_files"), record=bonn)
+    run = record(SCENARIO).model_copy(update={"run_id": "run_0123456789ab"})
+    workspace.put("run", run.run_id, recipe=Recipe(tool="run_planner"), record=run)
+    batch = BatchRecord(
+        batch_id="batch_0123456789ab",
+        scenarios=(SCENARIO,),
+        configs=(run.config_id,),
+        prediction="constant_velocity",
+        traffic="recorded",
+        runs=(run.run_id,),
+        lost=(),
+    )
+    workspace.put("batch", batch.batch_id, recipe=Recipe(tool="run_planner"), record=batch)
+    yield WorkflowContext(Services(workspace, unused, unused, unused, unused, with_starter=False), unused)
+    workspace.close()
+
+
+def replaced(refusal: InvalidRequest) -> list[str]:
+    """The words that the remedies write in place of the wrong ones."""
+    return [word for remedy in refusal.remedies for change in remedy.changes for word in change.words.values()]
+
+
+@pytest.mark.parametrize("word", ["run_0123456789ab", "batch_0123456789ab", "latest_run", "latest_batch"])
+def test_a_result_in_place_of_a_scenario_is_refused_with_its_scenario(call: WorkflowContext, word: str) -> None:
+    with pytest.raises(UnknownName) as refusal:
+        call.artifact(word, "scenario")
+    assert refusal.value.valid == (SCENARIO,)
+    assert replaced(refusal.value) == [SCENARIO]
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"), [("latest_btach", "latest_batch"), ("previus_run", "previous_run"), ("latst", "latest")]
+)
+def test_a_misspelt_word_for_a_result_is_proposed_first(call: WorkflowContext, word: str, meant: str) -> None:
+    with pytest.raises(UnknownName) as refusal:
+        choose_results([word], call)
+    assert refusal.value.valid[0] == meant
+    assert replaced(refusal.value)[0] == meant
+
+
+def test_a_misspelt_latest_is_proposed(call: WorkflowContext) -> None:
+    with pytest.raises(UnknownName) as refusal:
+        call.artifact("latset", "scenario")
+    assert replaced(refusal.value) == ["latest"]
+    assert call.artifact("latest_scenario", "scenario").artifact_id == SCENARIO
