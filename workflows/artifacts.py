@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 
 from ..engine.execution import Job
+from ..engine.generation import PlanRows
 from ..engine.planners import PLANNERS
 from ..engine.workspace import Artifact
 from ..schemas.artifacts import (
@@ -213,7 +214,7 @@ async def get_job(arguments: GetJobArguments, context: WorkflowContext) -> JobRe
     """Wait for the end of a job."""
     job_id = _job_id(arguments.job_id, context)
     job = await context.wait_for(job_id, arguments.wait_s)
-    return _job_result(job)
+    return _job_result(job, context)
 
 
 async def cancel_job(arguments: CancelJobArguments, context: WorkflowContext) -> JobResult:
@@ -224,7 +225,7 @@ async def cancel_job(arguments: CancelJobArguments, context: WorkflowContext) ->
             f"{job.job_id} runs in another server on this workspace",
             next_step="cancel it from the client that started it",
         )
-    return _job_result(job)
+    return _job_result(job, context)
 
 
 def _job_id(word: str, context: WorkflowContext) -> str:
@@ -277,7 +278,7 @@ def _own_job_id(word: str, context: WorkflowContext) -> str:
     return job.job_id
 
 
-def _job_result(job: Job) -> JobResult:
+def _job_result(job: Job, context: WorkflowContext) -> JobResult:
     return JobResult(
         job_id=job.job_id,
         kind=job.kind,
@@ -287,7 +288,7 @@ def _job_result(job: Job) -> JobResult:
         remaining_s=None if job.remaining_s is None else round(job.remaining_s, 1),
         results=job.results,
         error=job.error,
-        next_step=_next_step(job),
+        next_step=_next_step(job, context),
     )
 
 
@@ -295,11 +296,13 @@ def _batches(job: Job) -> list[str]:
     return [key for key in job.results if key.startswith("batch_")]
 
 
-def _next_step(job: Job) -> str:
+def _next_step(job: Job, context: WorkflowContext) -> str:
     if job.state != "done":
         return _NEXT[job.state]
     if job.kind == "plan":
-        return f"run_planner with scenarios ['{job.results[0]}']"
+        plan_id = job.results[0]
+        is_empty = not PlanRows(context.workspace.database, plan_id).counts().made
+        return "repeat the call for the reasons" if is_empty else f"run_planner with scenarios ['{plan_id}']"
     if job.kind == "boundary" and job.results:
         return f"render ids ['{job.results[-1]}'], or repeat explore_boundary for the shares"
     batches = _batches(job)
