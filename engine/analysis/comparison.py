@@ -268,7 +268,10 @@ def _across_rules(request: CompareRequest, records: dict[str, RunRecord]) -> tup
     if len({rule for named in rules.values() for rule in named}) < 2:
         return ()
     used = ", ".join(f"{label} by {' and '.join(named)}" for label, named in rules.items())
-    difference = "driven@1 counts a goal after any motion, accepted@2 only one that CommonRoad's benchmark accepts"
+    difference = (
+        "driven@1 counts a goal after any motion, accepted@2 only one that CommonRoad's benchmark accepts, and "
+        "accepted@3 one with an initial state outside the lanelets too"
+    )
     again = "rerun the older side before you compare rates"
     return (f"different success rules: {used}; {difference}: {again}",)
 

@@ -50,7 +50,7 @@ def test_sides_judged_by_different_rules_are_reported() -> None:
     newer = runs(["goal_refused", "collision"], SAFE)
     told = [note for note in compared(older, newer).notes if "different success rules" in note]
     assert len(told) == 1
-    assert {"driven@1", "accepted@2"} <= set(told[0].replace(";", " ").replace(",", " ").split())
+    assert {"driven@1", "accepted@3"} <= set(told[0].replace(";", " ").replace(",", " ").split())
     assert not compared(runs(["goal_reached", "collision"]), newer).notes
 
 
