@@ -189,8 +189,11 @@ def _unknown_place(word: str, context: WorkflowContext) -> UnknownName:
         for place, country in known_places(context.workspace.database.connection()).places
         if is_place(country, place)
     }
+    country, _ = _country_in(word)
     return UnknownName(
-        f"no scenario, map or search matches {quoted(word)}",
+        f"no scenario, map or search matches {quoted(word)}"
+        if country is None
+        else f"the catalogue has no scenario and no map of the country {country}",
         valid=map(cited, closest(word, sorted(places))),
         next_step="choose one of these",
     ).also(with_values(within=None))
