@@ -40,6 +40,7 @@ _MOST_NAMED = 100
 """How many of a token's latest jobs are searched for running ones (chosen)."""
 _NEXT_AFTER = {
     "import": "search with find_scenarios, or list the imported files with list_artifacts",
+    "exploration": "repeat the call of find_failures to get its failures",
     "study": "repeat the call of optimize_planner to get the study",
     "trial": "repeat the call of analyze_results to get its result",
 }
@@ -69,9 +70,12 @@ async def list_artifacts(arguments: ListArtifactsArguments, context: WorkflowCon
     )
     shown = artifacts[: arguments.limit]
     listed = tuple(_listed(artifact) for artifact in shown)
-    if arguments.kind == "batch":
-        batches = await _summaries([artifact.read(BatchRecord) for artifact in shown], context)
-        listed = tuple(item.model_copy(update={"batch": batch}) for item, batch in zip(listed, batches, strict=True))
+    records = [artifact.read(BatchRecord) for artifact in shown if artifact.kind == "batch"]
+    if records:
+        summaries = iter(await _summaries(records, context))
+        listed = tuple(
+            item.model_copy(update={"batch": next(summaries)}) if item.kind == "batch" else item for item in listed
+        )
     return ListArtifactsResult(
         artifacts=listed,
         more=len(artifacts) > arguments.limit,
@@ -116,7 +120,8 @@ async def _summaries(batches: Sequence[BatchRecord], context: WorkflowContext) -
             prediction=batch.prediction,
             traffic=batch.traffic,
             world=batch.world.in_words(),
-            scenarios=len({run.scenario_id for run in runs_of_batch} | {cell.scenario_id for cell in batch.lost}),
+            scenarios=len(scenarios := sorted({one.scenario_id for one in (*runs_of_batch, *batch.lost)})),
+            scenario_id=scenarios[0] if len(scenarios) == 1 else "",
             configs=tuple(
                 ConfigSuccess(
                     config_id=configuration_id(config_id),

@@ -32,6 +32,7 @@ from ...schemas.analysis.comparison import (
 )
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.measures import metric_words
+from ...schemas.planning import PlannerSettings
 from ...schemas.results import ConfigWeights, MetricName
 from ...schemas.runs import Lineage, RunRecord, configuration_id
 from ...schemas.text import counted, figure, measured, p_figure, p_in_words
@@ -243,7 +244,7 @@ def _cost(
     if not first or not second:
         return None
     if len({configuration_id(side.config_id) for side in sides}) > 1:
-        why = "the configurations use different weights"
+        why = "the configurations use different weights or settings"
     elif len({side.config_id for side in sides}) > 1:
         why = "another version of the planner may weigh the terms differently"
     elif any(name.startswith("prediction") for name in pairing.differing):
@@ -279,9 +280,11 @@ def _across_rules(request: CompareRequest, records: dict[str, RunRecord]) -> tup
 def _weight_changes(before: str, after: str, configs: Sequence[ConfigWeights]) -> tuple[WeightChange, ...]:
     """Return the weights and settings that differ, by name; empty if one of the configurations is unknown.
 
-    The value is None for a setting that has its default and for a weight that the planner does not have.
+    The value is None for a weight that the planner does not have, and for a setting without a default.
     """
-    known = {config.config_id: config.weights | config.settings for config in configs}
+    given = {name for config in configs if config.config_id in (before, after) for name in config.settings}
+    defaults = {name: value for name, value in PlannerSettings().model_dump(exclude_none=True).items() if name in given}
+    known = {config.config_id: config.weights | defaults | config.settings for config in configs}
     if before not in known or after not in known:
         return ()
     first, second = known[before], known[after]

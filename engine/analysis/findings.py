@@ -137,10 +137,13 @@ def _main_failure(evidence: Evidence) -> Iterator[Finding]:
     counts = Counter(record.outcome for record in failures)
     outcome, count = min(counts.items(), key=lambda item: (-item[1], item[0]))
     run_ids = _ids(record for record in failures if record.outcome == outcome)
-    refused = Counter(record.refusal or "not stated" for record in failures if outcome == record.outcome == "goal_refused")
+    refused = Counter(
+        record.refusal or "not stated" for record in failures if outcome == record.outcome == "goal_refused"
+    )
     codes = ", ".join(f"{code.replace('_', ' ')} {number}" for code, number in most_frequent_first(refused))
     words = outcome.replace("_", " ") + (f" ({codes})" if codes else "")
-    statement = f"{words} in {count} of {len(failures)} failures and {count} of {len(evidence.runs.valid)} valid runs."
+    valid = counted(len(evidence.runs.valid), "valid run")
+    statement = f"{words} in {count} of {counted(len(failures), 'failure')} and {count} of {valid}."
     # An animation does not show why the benchmark refuses a motion; the run's own answer states it.
     shown = f"analyze_results results=[{run_ids[0]}]" if refused else f"render kind=animation ids=[{run_ids[0]}]"
     ends = tuple(

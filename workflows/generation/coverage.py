@@ -306,7 +306,8 @@ class _PlanWork:
 
 def _no_site(plan: RequestedPlan, barred: Mapping[Combination, str]) -> NotPossible:
     """Return the refusal of a plan without any site: which levels are impossible, and which site types remain."""
-    named = {plan.words(dict(key)) or f"scenario_type={plan.arguments.scenario_type}": why for key, why in barred.items()}
+    usual = f"scenario_type={plan.arguments.scenario_type}"
+    named = {plan.words(dict(key)) or usual: why for key, why in barred.items()}
     causes = [f"{words} ({why})" for words, why in named.items()]
     more = f"; {len(causes) - _CAUSES} more" if len(causes) > _CAUSES else ""
     there = {kind for match in plan.matches({}) for kind in match.entry.facts.sites}
@@ -367,7 +368,7 @@ async def _answer(
 
 
 def _why_fewer(summary: PlanSummary, rows: PlanRows) -> list[str]:
-    """Return why a plan whose job is done has fewer scenarios than requested; the figures say that all are impossible."""
+    """Return why a plan whose job is done has fewer scenarios than requested; its figures tell if all are impossible."""
     if not summary.allowed:
         return []
     if _is_exhausted(rows):
