@@ -217,7 +217,9 @@ class MapSummary(Model):
         return mapped if self.rate is None else f"{mapped} {self.rate.in_words()}"
 
 
-_BOUNDS = "In brackets: bounds that allow for other outcomes between the points, judged by the few points that test this."
+_BOUNDS = (
+    "In brackets: bounds that allow for other outcomes between the points, judged by the few points that test this."
+)
 
 
 class ExploreBoundaryResult(Result):

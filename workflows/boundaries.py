@@ -498,7 +498,9 @@ def _harder(record: BoundaryRecord) -> str:
     fixed = {name: value for one in record.maps for name, value in one.at.items()}
     by_name = {parameter.name: parameter for parameter in record.scenario.parameters}
     shown = [
-        f"{name} (now {value:g}, {by_name[name].low:g} to {by_name[name].high:g} {by_name[name].unit})".replace(" )", ")")
+        f"{name} (now {value:g}, {by_name[name].low:g} to {by_name[name].high:g} {by_name[name].unit})".replace(
+            " )", ")"
+        )
         for name, value in fixed.items()
         if name in by_name
     ]

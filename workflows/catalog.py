@@ -189,7 +189,7 @@ def _unknown_place(word: str, context: WorkflowContext) -> UnknownName:
         for place, country in known_places(context.workspace.database.connection()).places
         if is_place(country, place)
     }
-    country, _ = _country_in(word)
+    country = country_code(word.strip())
     return UnknownName(
         f"no scenario, map or search matches {quoted(word)}"
         if country is None

@@ -468,7 +468,10 @@ def _tested(metrics: tuple[MetricTest, ...]) -> list[str]:
     shown = sorted(differing, key=lambda metric: (metric.p_holm or 0.0, metric.name))
     lines = [_metric(metric) for metric in shown]
     others = [metric for metric in metrics if metric not in differing]
-    for title, tested in (("medians, not shown to differ", True), ("medians, too few pairs for a test (one figure: the same on both sides)", False)):
+    for title, tested in (
+        ("medians, not shown to differ", True),
+        ("medians, too few pairs for a test (one figure: the same on both sides)", False),
+    ):
         medians = [
             f"{metric_words(metric.name)} {_medians(metric)}"
             for metric in others

@@ -382,7 +382,9 @@ class _Search:
             else:
                 shares.append(ChangeShare(change=change, gain=round(gain, 6)))
         untried = len(changes) - len(tried)
-        note = f"{untried} of {counted(len(changes), 'change')} could not be tested alone, because max_trials was used up"
+        note = (
+            f"{untried} of {counted(len(changes), 'change')} could not be tested alone, because max_trials was used up"
+        )
         return best, tuple(shares), (note,) if untried else ()
 
     def _gain(self, trial: _Trial, other: _Trial) -> float:

@@ -402,7 +402,7 @@ def test_sides_are_compared_in_the_requested_pairs() -> None:
 
 def test_changed_settings_are_called_settings_and_show_their_defaults() -> None:
     longer = DEFAULT.model_copy(update={"config_id": "cfg_longer", "settings": {"horizon_s": 4.0}})
-    result = compared(runs(["goal_reached"] * 2), runs(["goal_reached"] * 2, longer))
+    result = compared(runs(["goal_reached"] * 2), runs(["goal_reached"] * 2, longer), configs=(DEFAULT, longer))
     change = result.comparisons[0].weights[0]
     assert (change.weight, change.before, change.after) == ("horizon_s", 3.0, 4.0)
     assert "settings changed" in result.to_text()
