@@ -72,6 +72,7 @@ class BatchSummary(Model):
     prediction: Prediction
     traffic: Traffic
     scenarios: int = Field(description="scenarios run")
+    scenario_id: str = Field("", exclude_if=lambda scenario_id: not scenario_id, description="the only one of them")
     configs: tuple[ConfigSuccess, ...] = Field(description="success of each configuration")
     lost: int = 0
     world: str = Field(
@@ -89,7 +90,8 @@ class BatchSummary(Model):
         rates = f"goal reached by {rates}" if shown else rates or "no run"
         prediction = self.prediction.replace("_", " ")
         world = "" if self.world == PERFECT_NAME else f", world {self.world}"
-        return f"{prediction}, {self.traffic} traffic{world}, {counted(self.scenarios, 'scenario')}: {rates}"
+        where = self.scenario_id or counted(self.scenarios, "scenario")
+        return f"{prediction}, {self.traffic} traffic{world}, {where}: {rates}"
 
 
 class ListedArtifact(Model):

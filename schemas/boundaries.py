@@ -217,6 +217,11 @@ class MapSummary(Model):
         return mapped if self.rate is None else f"{mapped} {self.rate.in_words()}"
 
 
+_BOUNDS = (
+    "In brackets: bounds that allow for other outcomes between the points, judged by the few points that test this."
+)
+
+
 class ExploreBoundaryResult(Result):
     """A map of where planners fail, or the state of the job that makes it.
 
@@ -252,7 +257,7 @@ class ExploreBoundaryResult(Result):
         return Answer(
             headline=f"{self.boundary_id}: {self.headline}.",
             figures=[one.in_words() for one in self.maps],
-            listed=[f"Most ordinary avoidable failure of {example.what}" for example in self.examples],
+            listed=[_BOUNDS, *(f"Most ordinary avoidable failure of {example.what}" for example in self.examples)],
             warnings=[*(f"implausible points: {reason}" for reason in self.implausible), *self.notes],
             next_step=self.next_step,
         )

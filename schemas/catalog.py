@@ -147,6 +147,7 @@ class StageCount(Model):
 
     stage: Stage = Field(description="name of the stage")
     conditions: tuple[str, ...] = Field(description="the conditions that it applied")
+    kinds: tuple[str, ...] = Field((), description="what these conditions are about")
     left: int = Field(description="scenarios left after it")
 
 
@@ -220,7 +221,9 @@ class FindScenariosResult(Result):
         requested = {condition for stage in self.stages for condition in stage.conditions}
         lines = [_line(scenario, requested) for scenario in self.matches]
         if self.coverage:
-            lines.append(f"Selected {len(self.matches)}, covering {'; '.join(_covered(one) for one in self.coverage)}")
+            missed = "; ".join(_missed(one) for one in self.coverage if one.missed)
+            rest = f"without {missed}" if missed else "with every value that the matches have"
+            lines.append(f"Selected {len(self.matches)} unlike scenarios, {rest}")
         elif self.total > len(self.matches) > 0:
             lines.append(f"… {self.total - len(self.matches)} more: raise offset or limit.")
         if self.emptied_by:
@@ -248,12 +251,12 @@ class FindScenariosResult(Result):
     def _step(self, stage: StageCount) -> str:
         """Return how many scenarios a stage left, with its conditions if the search ends without a match."""
         conditions = f" [{', '.join(stage.conditions)}]" if not self.total else ""
-        return f"{stage.left} after {stage.stage}{conditions}"
+        return f"{stage.left} after {' and '.join(stage.kinds) or stage.stage}{conditions}"
 
 
-def _covered(coverage: Coverage) -> str:
-    missed = f" (not covered: {', '.join(coverage.missed)})" if coverage.missed else ""
-    return f"{coverage.dimension} {', '.join(coverage.covered)}{missed}"
+def _missed(coverage: Coverage) -> str:
+    """Return the values that no selected scenario has, such as ``ego speed mps 10..15``."""
+    return f"{coverage.dimension.replace('_', ' ')} {', '.join(coverage.missed)}"
 
 
 _EVIDENT = re.compile(r"\w+=\d+|.+, [A-Z]{3}|ego [\d.]+ m/s .*")

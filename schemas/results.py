@@ -394,11 +394,11 @@ class RuleShare(Model):
     run_ids: tuple[str, ...]
 
     def in_words(self) -> str:
-        """Return text such as ``R_G3 speed limit: broken in 4/20 = 20% (…), by 3.1 m/s at worst …``."""
+        """Return text such as ``R_G3 speed limit: broken in 4/20 = 20% (…), at most by 3.1 m/s …``."""
         rate = self.violated.in_words()
         if self.worst is None:
             return f"{self.rule} {self.name}: broken in {rate}"
-        worst = f"by {measured(self.worst)} {self.unit} at worst ({self.run_ids[0]})"
+        worst = f"at most by {measured(self.worst)} {self.unit} ({self.run_ids[0]})"
         return f"{self.rule} {self.name}: broken in {rate}, {worst}"
 
 

@@ -41,11 +41,12 @@ Outcome = Literal[
 - ``timeout``: not at the goal after 1.7 times the steps to the goal's last step
 - ``infeasible``: the planner found no trajectory that the vehicle can drive
 - ``invalid``: the problem has no solution. This is stated before the run and is never the planner's failure."""
-SuccessRule = Literal["driven@1", "accepted@2"]
+SuccessRule = Literal["driven@1", "accepted@2", "accepted@3"]
 """What makes a reached goal a success.
 
 ``driven@1`` requires nothing else, as in the paper. ``accepted@2`` requires that ``valid_solution``, the checker of
-CommonRoad's benchmark, accepts the driven motion. Otherwise the outcome is ``goal_refused``."""
+CommonRoad's benchmark, accepts the driven motion. Otherwise the outcome is ``goal_refused``. For ``accepted@3``, an
+initial state outside the lanelets, which no planner can change, does not count against the motion."""
 Refusal = Literal["goal_not_met", "off_lanelets", "not_drivable"]
 """Why CommonRoad's benchmark refuses a motion that reached its goal.
 
@@ -271,7 +272,9 @@ class RunRecord(Model):
     rejected_candidates: dict[str, int] = Field(description="constraint → candidates it rejected, over the whole run")
     metrics: RunMetrics | None
     success_rule: SuccessRule = Field("driven@1", description="the rule by which it was judged")
-    refusal: Refusal | None = Field(None, description="stable code, only if the outcome is goal_refused")
+    refusal: Refusal | None = Field(
+        None, description="stable code if the outcome is goal_refused; with goal_reached: of the start, which is given"
+    )
     beyond_vehicle: tuple[LimitExcess, ...] | None = Field(
         None, description="limits of the vehicle that the driven motion exceeds; null: an older version made the run"
     )

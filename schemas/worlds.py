@@ -283,7 +283,9 @@ def combination_notes(texts: Sequence[str] | str | World) -> tuple[str, ...]:
     if len(names) < 2:
         return ()
     together = world_of(names).in_words()
-    return (f"each value of the world '{', '.join(names)}' is the worst of these presets, which gives '{together}'",)
+    return (
+        f"the presets {' and '.join(names)} together give the world '{together}': for each setting, the worse value",
+    )
 
 
 def _presets_in(texts: Sequence[str] | str) -> Iterator[tuple[str, Preset]]:

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 
 from ..engine.execution import Job
+from ..engine.generation import PlanRows
 from ..engine.planners import PLANNERS
 from ..engine.workspace import Artifact
 from ..schemas.artifacts import (
@@ -39,6 +40,7 @@ _MOST_NAMED = 100
 """How many of a token's latest jobs are searched for running ones (chosen)."""
 _NEXT_AFTER = {
     "import": "search with find_scenarios, or list the imported files with list_artifacts",
+    "exploration": "repeat the call of find_failures to get its failures",
     "study": "repeat the call of optimize_planner to get the study",
     "trial": "repeat the call of analyze_results to get its result",
 }
@@ -68,9 +70,12 @@ async def list_artifacts(arguments: ListArtifactsArguments, context: WorkflowCon
     )
     shown = artifacts[: arguments.limit]
     listed = tuple(_listed(artifact) for artifact in shown)
-    if arguments.kind == "batch":
-        batches = await _summaries([artifact.read(BatchRecord) for artifact in shown], context)
-        listed = tuple(item.model_copy(update={"batch": batch}) for item, batch in zip(listed, batches, strict=True))
+    records = [artifact.read(BatchRecord) for artifact in shown if artifact.kind == "batch"]
+    if records:
+        summaries = iter(await _summaries(records, context))
+        listed = tuple(
+            item.model_copy(update={"batch": next(summaries)}) if item.kind == "batch" else item for item in listed
+        )
     return ListArtifactsResult(
         artifacts=listed,
         more=len(artifacts) > arguments.limit,
@@ -115,7 +120,8 @@ async def _summaries(batches: Sequence[BatchRecord], context: WorkflowContext) -
             prediction=batch.prediction,
             traffic=batch.traffic,
             world=batch.world.in_words(),
-            scenarios=len({run.scenario_id for run in runs_of_batch} | {cell.scenario_id for cell in batch.lost}),
+            scenarios=len(scenarios := sorted({one.scenario_id for one in (*runs_of_batch, *batch.lost)})),
+            scenario_id=scenarios[0] if len(scenarios) == 1 else "",
             configs=tuple(
                 ConfigSuccess(
                     config_id=configuration_id(config_id),
@@ -213,7 +219,7 @@ async def get_job(arguments: GetJobArguments, context: WorkflowContext) -> JobRe
     """Wait for the end of a job."""
     job_id = _job_id(arguments.job_id, context)
     job = await context.wait_for(job_id, arguments.wait_s)
-    return _job_result(job)
+    return _job_result(job, context)
 
 
 async def cancel_job(arguments: CancelJobArguments, context: WorkflowContext) -> JobResult:
@@ -227,7 +233,7 @@ async def cancel_job(arguments: CancelJobArguments, context: WorkflowContext) ->
             f"{job.job_id} runs in another server on this workspace",
             next_step="cancel it from the client that started it",
         )
-    return _job_result(job)
+    return _job_result(job, context)
 
 
 def _job_id(word: str, context: WorkflowContext) -> str:
@@ -280,7 +286,7 @@ def _own_job_id(word: str, context: WorkflowContext) -> str:
     return job.job_id
 
 
-def _job_result(job: Job) -> JobResult:
+def _job_result(job: Job, context: WorkflowContext) -> JobResult:
     return JobResult(
         job_id=job.job_id,
         kind=job.kind,
@@ -290,7 +296,7 @@ def _job_result(job: Job) -> JobResult:
         remaining_s=None if job.remaining_s is None else round(job.remaining_s, 1),
         results=job.results,
         error=job.error,
-        next_step=_next_step(job),
+        next_step=_next_step(job, context),
     )
 
 
@@ -298,11 +304,13 @@ def _batches(job: Job) -> list[str]:
     return [key for key in job.results if key.startswith("batch_")]
 
 
-def _next_step(job: Job) -> str:
+def _next_step(job: Job, context: WorkflowContext) -> str:
     if job.state != "done":
         return _NEXT[job.state]
     if job.kind == "plan":
-        return f"run_planner with scenarios ['{job.results[0]}']"
+        plan_id = job.results[0]
+        is_empty = not PlanRows(context.workspace.database, plan_id).counts().made
+        return "repeat the call for the reasons" if is_empty else f"run_planner with scenarios ['{plan_id}']"
     if job.kind == "boundary" and job.results:
         return f"render ids ['{job.results[-1]}'], or repeat explore_boundary for the shares"
     batches = _batches(job)

@@ -510,8 +510,22 @@ async def _finished(record: BoundaryRecord, context: WorkflowContext, asked: str
         implausible=tuple(f"{reason} ({count})" for reason, count in reasons.most_common(_SHOWN_REASONS)),
         notes=record.scenario.notes,
         next_step=f"render ids ['{record.boundary_id}'] for the map"
-        + ("; modify_scenario with an example's edits repeats it" if examples else ""),
+        + ("; modify_scenario with an example's edits repeats it" if examples else _harder(record)),
     ).with_record(record)
+
+
+def _harder(record: BoundaryRecord) -> str:
+    """Return how to go on after a map without avoidable failures: with other values of the fixed parameters."""
+    fixed = {name: value for one in record.maps for name, value in one.at.items()}
+    by_name = {parameter.name: parameter for parameter in record.scenario.parameters}
+    shown = [
+        f"{name} (now {value:g}, {by_name[name].low:g} to {by_name[name].high:g} {by_name[name].unit})".replace(
+            " )", ")"
+        )
+        for name, value in fixed.items()
+        if name in by_name
+    ]
+    return f"; repeat explore_boundary with another {' or '.join(shown)} in over" if shown else ""
 
 
 def _headline(record: BoundaryRecord, asked: str) -> str:

@@ -198,8 +198,10 @@ def _unknown_place(word: str, context: WorkflowContext) -> UnknownName:
     filled = {code for facts in maps for code in (facts.country, *facts.countries_near)} | {*stored.countries}
     countries = [country_name(code) for code in alike if code in filled]
     likely = "" if countries or not alike else f"; no scenario or map is in {country_name(alike[0])} either"
+    known = country_code(word.strip())
+    what = f"no scenario, map or search matches {quoted(word)}{likely}"
     return UnknownName(
-        f"no scenario, map or search matches {quoted(word)}{likely}",
+        what if known is None else f"the catalogue has no scenario and no map of the country {known}",
         valid=[*map(cited, meant), *countries, *(cited(place) for place in near if place not in meant)],
         next_step="choose one of these",
         remedies=[*misspelt(word, meant, "within"), *(with_values(within=one) for one in countries)],

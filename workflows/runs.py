@@ -464,6 +464,11 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
     if on_recording := [len(record.on_recording) for record in records if record.on_recording]:
         shown = f"{counted(sum(on_recording), 'obstacle')} in {len(on_recording)} of {len(records)} runs"
         yield f"reactive traffic: {shown} still followed the recording"
+    invalid = {record.scenario_id: record.reason for record in records if record.outcome == "invalid"}
+    if invalid and len(records) > 1:
+        stated = [f"{scenario_id} ({reason})" for scenario_id, reason in list(invalid.items())[:_SHOWN_BEYOND]]
+        more = f"; {len(invalid) - len(stated)} more" if len(invalid) > len(stated) else ""
+        yield f"invalid for every planner: {'; '.join(stated)}{more}"
     if len(records) == 1:
         yield from (trigger.in_words() for trigger in records[0].triggers[:_SHOWN_TRIGGERS])
     elif waiting := [record.run_id for record in records if any(one.time_s is None for one in record.triggers)]:

@@ -32,6 +32,7 @@ from ...schemas.analysis.comparison import (
 )
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.measures import metric_words
+from ...schemas.planning import PlannerSettings
 from ...schemas.results import ConfigWeights, MetricName
 from ...schemas.runs import Lineage, RunRecord, configuration_id
 from ...schemas.text import figure, measured, p_figure, p_in_words
@@ -239,7 +240,7 @@ def _cost(
     if not first or not second:
         return None
     if len({configuration_id(side.config_id) for side in sides}) > 1:
-        why = "the configurations use different weights"
+        why = "the configurations use different weights or settings"
     elif len({side.config_id for side in sides}) > 1:
         why = "another version of the planner may weigh the terms differently"
     elif any(name.startswith("prediction") for name in pairing.differing):
@@ -264,7 +265,10 @@ def _across_rules(request: CompareRequest, records: dict[str, RunRecord]) -> tup
     if len({rule for named in rules.values() for rule in named}) < 2:
         return ()
     used = ", ".join(f"{label} by {' and '.join(named)}" for label, named in rules.items())
-    difference = "driven@1 counts a goal after any motion, accepted@2 only one that CommonRoad's benchmark accepts"
+    difference = (
+        "driven@1 counts a goal after any motion, accepted@2 only one that CommonRoad's benchmark accepts, and "
+        "accepted@3 one with an initial state outside the lanelets too"
+    )
     again = "rerun the older side before you compare rates"
     return (f"different success rules: {used}; {difference}: {again}",)
 
@@ -272,9 +276,11 @@ def _across_rules(request: CompareRequest, records: dict[str, RunRecord]) -> tup
 def _weight_changes(before: str, after: str, configs: Sequence[ConfigWeights]) -> tuple[WeightChange, ...]:
     """Return the weights and settings that differ, by name; empty if one of the configurations is unknown.
 
-    The value is None for a setting that has its default and for a weight that the planner does not have.
+    The value is None for a weight that the planner does not have, and for a setting without a default.
     """
-    known = {config.config_id: config.weights | config.settings for config in configs}
+    given = {name for config in configs if config.config_id in (before, after) for name in config.settings}
+    defaults = {name: value for name, value in PlannerSettings().model_dump(exclude_none=True).items() if name in given}
+    known = {config.config_id: config.weights | defaults | config.settings for config in configs}
     if before not in known or after not in known:
         return ()
     first, second = known[before], known[after]

@@ -22,7 +22,7 @@ from .causes import sample_of
 from .moments import FROM_BEHIND, contact_of, review
 from .pace import pace_of
 from .reach import cannot_be_reached
-from .run_set import RunSet, ego_track, hit_another, mean_terms, reached_goal, share_of
+from .run_set import RunSet, ego_track, hit_another, mean_terms, most_frequent_first, reached_goal, share_of
 from .statistics import LEVEL, fisher_exact, holm
 
 _MOST_LOOKED_AT = 60
@@ -137,9 +137,15 @@ def _main_failure(evidence: Evidence) -> Iterator[Finding]:
     counts = Counter(record.outcome for record in failures)
     outcome, count = min(counts.items(), key=lambda item: (-item[1], item[0]))
     run_ids = _ids(record for record in failures if record.outcome == outcome)
-    words = outcome.replace("_", " ")
-    statement = f"{words} in {count} of {len(failures)} failures and {count} of {len(evidence.runs.valid)} valid runs."
-    next_step = f"render kind=animation ids=[{run_ids[0]}]"
+    refused = Counter(
+        record.refusal or "not stated" for record in failures if outcome == record.outcome == "goal_refused"
+    )
+    codes = ", ".join(f"{code.replace('_', ' ')} {number}" for code, number in most_frequent_first(refused))
+    words = outcome.replace("_", " ") + (f" ({codes})" if codes else "")
+    valid = counted(len(evidence.runs.valid), "valid run")
+    statement = f"{words} in {count} of {counted(len(failures), 'failure')} and {count} of {valid}."
+    # An animation does not show why the benchmark refuses a motion; the run's own answer states it.
+    shown = f"analyze_results results=[{run_ids[0]}]" if refused else f"render kind=animation ids=[{run_ids[0]}]"
     ends = tuple(
         FindingMoment(run_id=record.run_id, time_s=record.metrics.duration_s, code=record.outcome)
         for record in failures
@@ -151,7 +157,7 @@ def _main_failure(evidence: Evidence) -> Iterator[Finding]:
         figures={"runs": count, "failures": len(failures), "valid_runs": len(evidence.runs.valid)},
         run_ids=run_ids,
         moments=ends,
-        next_step=next_step,
+        next_step=shown,
     )
 
 
@@ -763,6 +769,11 @@ def _two_groups(members: set[str], seen: set[str], mastered: set[str]) -> tuple[
     return (len(inside & mastered), len(inside)), (len(outside & mastered), len(outside))
 
 
+_HARD = "the goal cannot be reached, or the prediction misses what happens there"
+_REFUSED_AT_GOAL = "the ego reaches the goal, but CommonRoad's benchmark refuses the motion for the reason in each run"
+"""Possible explanations of scenarios that always fail."""
+
+
 def _hard_scenarios(evidence: Evidence) -> Iterator[Finding]:
     """Yield the scenarios that failed under every one of two or more configurations: better weights will not help.
 
@@ -781,13 +792,19 @@ def _hard_scenarios(evidence: Evidence) -> Iterator[Finding]:
     shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
     others = len(hard) - len(fair)
     apart = f" ({others} more by collisions that others caused or that no reference driver prevents)" if others else ""
+    ended = {record.outcome for records in fair.values() for record in records}
+    why, following = (
+        (_REFUSED_AT_GOAL, f"analyze_results results=[{fair[names[0]][0].run_id}]")
+        if ended == {"goal_refused"}
+        else (_HARD, f"describe_scenario scenario_id={names[0]} detail=checks")
+    )
     yield Finding(
         name="hard_scenarios",
         statement=f"{len(fair)} of {len(tried)} scenarios failed under every configuration tried{apart}: {shown}.",
         figures={"scenarios": len(fair), "of": len(tried), "by_others": others},
         run_ids=_ids(record for key in names for record in fair[key]),
-        alternatives="the goal cannot be reached, or the prediction misses what happens there",
-        next_step=f"describe_scenario scenario_id={names[0]} detail=checks",
+        alternatives=why,
+        next_step=following,
     )
 
 

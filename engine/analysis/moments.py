@@ -39,7 +39,7 @@ from ..commonroad import Track, kept_recording
 from ..criticality import encounters, gaps_m, times_to_collision_s
 from ..execution import ProgressReporter
 from ..geometry import Points, Values, oriented_rectangle, wrap_angle, wrap_angles
-from ..planners import PLANNERS, Predictor, lane_line, predictor
+from ..planners import PLANNERS, Predictor, lane_line, predictor, uses_prediction
 from ..vehicles import STANDING_MPS, VehicleParameters
 from .pace import on_opposite_lane_since_s, own_doing, pace_of
 from .prevention import Surroundings, prevention_of
@@ -230,8 +230,8 @@ class _Motion:
 
 
 def plans_on_predictions(record: RunRecord) -> bool:
-    """Return True if a run's planner is known to use predictions of other road users, as built-in planners do."""
-    return record.planner in PLANNERS if record.uses_prediction is None else record.uses_prediction
+    """Return True if a run's planner is known to use predictions of other road users."""
+    return uses_prediction(record.planner) if record.planner in PLANNERS else bool(record.uses_prediction)
 
 
 class _Drive:
@@ -385,6 +385,8 @@ class _Drive:
             return None
         if not prevention.attributable:
             return "neither"
+        if self._record.planner in PLANNERS and not uses_prediction(self._record.planner):
+            return "planning"  # it ignores others, so that neither its sensors nor the prediction can change its motion
         if unseen:
             return "perception"
         if self._record.prediction == "ground_truth" or not plans_on_predictions(self._record):

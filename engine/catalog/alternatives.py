@@ -1,5 +1,6 @@
 """Alternatives if a search matches nothing: names that no scenario has, and the candidates' nearest values."""
 
+import re
 import sqlite3
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -106,7 +107,10 @@ class TextWords:
 
 def look_up_words(connection: sqlite3.Connection, text: str, constraints: Sequence[Constraint]) -> TextWords:
     """Look up a text's words among tags, features, obstacles and signs, and then in places and descriptions."""
-    words = [word for word in dict.fromkeys(words_of(text)) if len(word) > 2 and word not in _STOP_WORDS]
+    names = set(words_of(" ".join(re.findall(r"\b[A-Z]{2}\b", text))))  # such as US
+    words = [
+        word for word in dict.fromkeys(words_of(text)) if (len(word) > 2 or word in names) and word not in _STOP_WORDS
+    ]
     known = {name for constraint in constraints for _, name in constraint.words}
     found, nowhere = dict[str, None](), []
     for word in words[:_WORDS_LOOKED_UP]:

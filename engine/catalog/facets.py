@@ -2,7 +2,7 @@
 
 import sqlite3
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 
 from ...schemas.catalog import FacetCounts
@@ -78,7 +78,11 @@ def _words(
     none = [word for word in known if word not in counts]
     if whole:
         return [
-            FacetCounts(facet=facet, counts={**counts, **dict.fromkeys(none, 0)}, note="no number: valid, but unused")
+            FacetCounts(
+                facet=facet,
+                counts={**counts, **dict.fromkeys(none, 0)},
+                note="; ".join(["no number: valid, but unused", *_meanings(kind, counts)]),
+            )
         ]
     plain = {word: count for word, count in counts.items() if ":" not in word}
     notes = [
@@ -86,6 +90,12 @@ def _words(
         *(["also as WORD:TYPE"] if len(plain) < len(counts) else []),
     ]
     return [FacetCounts(facet=facet, counts=plain, note="; ".join(notes))]
+
+
+def _meanings(kind: str, present: Iterable[str]) -> list[str]:
+    """Return what the tags of the catalogue mean, which their authors chose; features and signs are documented."""
+    means = [f"{tag}: {TAGS[tag]}" for tag in present if tag in TAGS] if kind == "tag" else []
+    return [f"as each file's author chose: {', '.join(means)}"] if means else []
 
 
 def _circumstances(connection: sqlite3.Connection, numbers: frozenset[int]) -> list[FacetCounts]:

@@ -28,10 +28,12 @@ from ...schemas.catalog import (
 from ...schemas.errors import InvalidRequest
 from ...schemas.scenarios import ScenarioFacts
 from ...schemas.text import cited, one_line, shown_name
+from ...schemas.vocabulary import MEASURES
 from .alternatives import TextWords, emptied_note, look_up_words, names_without_scenario, not_computed, notes_on_names
 from .bm25 import reciprocal_rank_fusion
 from .constraints import (
     CIRCUMSTANCE,
+    CIRCUMSTANCE_WORDS,
     EITHER,
     PARTICIPANTS,
     Constraint,
@@ -199,6 +201,8 @@ class Search:
             return _Found(tuple(ordered), tuple(entry.scenario_id for entry in matches), total)
         values = _covered_values(self._connection, matches[:MOST_CONSIDERED])
         chosen = _most_diverse(values, self.arguments.diverse)
+        if self.arguments.sort != "match":
+            chosen = [entry.scenario_id for entry in matches if entry.scenario_id in set(chosen)]
         return _Found(tuple(ordered), tuple(chosen), len(chosen), _coverage(values, chosen) if chosen else ())
 
     def answer(self, search_id: str, found: _Found, ranking: Ranking | None) -> FindScenariosResult:
@@ -224,6 +228,7 @@ class Search:
                 *notes_on_names(self._connection, self.funnel.constraints),
                 *not_computed(self._connection, self.funnel.constraints),
                 *self._text_notes(ranking),
+                *self._order_notes(found),
                 *self._not_considered(),
             ),
         )
@@ -240,10 +245,22 @@ class Search:
             *first, last = (f"'{one_line(word)}'" for word in text.nowhere)
             words = f"{', '.join(first)} and {last}" if first else last
             verb = "occurs" if len(text.nowhere) == 1 else "occur"
-            nothing = text.alone and self._is_dissimilar(ranking)
-            matched = "the text matches nothing" if nothing else "results are ranked by semantic similarity"
+            matched = "results are ranked by semantic similarity"
+            if text.alone and self._is_dissimilar(ranking):
+                matched = "the text matches nothing"
+            elif self.arguments.sort != "match":
+                matched = f"sort={self.arguments.sort} decides the order"
             notes.append(f"{words} {verb} in no title, tag, place or description; {matched}.")
         return notes
+
+    def _order_notes(self, found: _Found) -> list[str]:
+        """Return notes on an order that the arguments alone do not explain."""
+        sort = self.arguments.sort
+        if sort == "match" or not found.matches:
+            return []
+        if self.arguments.diverse is not None:
+            return [f"diverse selects unlike matches; sort={sort} orders only those."]
+        return [f"Criticality is ttc: {MEASURES['ttc']}."] if sort == "criticality" else []
 
     @cached_property
     def _text_words(self) -> TextWords:
@@ -269,7 +286,10 @@ class Search:
         """Return the counts after every stage that has conditions."""
         return tuple(
             StageCount(
-                stage=left.stage, conditions=tuple(one.label for one in left.constraints), left=len(left.numbers)
+                stage=left.stage,
+                conditions=tuple(one.label for one in left.constraints),
+                kinds=_kinds(left.constraints),
+                left=len(left.numbers),
             )
             for left in self.funnel.stages
         )
@@ -488,6 +508,15 @@ def _covered_values(connection: sqlite3.Connection, entries: Sequence[_Entry]) -
         column = _COLUMN_OF.get(dimension, dimension)
         add(f"SELECT number, {column} FROM catalog_scenarios WHERE", dimension, edges)  # noqa: S608 - fixed names
     return {key: frozenset(values) for key, values in covered.items()}
+
+
+def _kinds(constraints: Iterable[Constraint]) -> tuple[str, ...]:
+    """Return the arguments that a stage's conditions belong to, as answers name them, each once."""
+    return tuple(dict.fromkeys(_KINDS.get(one.subject, _STAGE_KINDS.get(one.stage, "features")) for one in constraints))
+
+
+_KINDS = {"tag": "tags", EITHER: "tags or features", CIRCUMSTANCE: CIRCUMSTANCE_WORDS, "origin": "origin"}
+_STAGE_KINDS = {"location": "place", "road_net": "road net", "obstacles": "obstacles", "velocity": "ego speed"}
 
 
 def _most_diverse(values: Mapping[str, Values], wanted: int) -> list[str]:

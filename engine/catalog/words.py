@@ -86,6 +86,8 @@ def summary(facts: ScenarioFacts) -> str:
         parts.append(f"ego {ego.speed_mps:.1f} m/s ({_lanes(ego.lanes)})")
         parts += _ego_does(facts)
         parts += [found.replace(":", ": ") for found in ego.manoeuvres or ()][:_MANOEUVRES_SHOWN]
+    else:
+        parts.append("no planning problem, so no ego")
     if len(facts.egos) > 1:
         others = ", ".join(f"#{other.problem_id}" for other in facts.egos[1:_PROBLEMS_SHOWN])
         parts.append(f"{len(facts.egos)} planning problems: this is the first, the others are ID{others}")

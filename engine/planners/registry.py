@@ -75,6 +75,10 @@ PLANNERS: dict[str, "Callable[[], Planner]"] = {
 }
 
 
+_IGNORE_OTHERS = frozenset({"full_braking", "keep_lane"})
+"""Built-in planners whose motion does not depend on other road users, so that no prediction can change it."""
+
+
 def planner_names() -> tuple[str, ...]:
     """Return the available planners: the built-in planners, then the user's."""
     others = found_planners(PLANNERS).values()
@@ -217,10 +221,12 @@ def _installed_version(name: str) -> PlannerVersion:
 
 
 def uses_prediction(name: str) -> bool:
-    """Return True if a planner uses predictions: all built-in planners, and external planners that declare it."""
+    """Return True if a planner uses predictions: built-in planners that react to others, and external planners that
+    declare it.
+    """
     folded = known_planner(name)
     if folded in PLANNERS:
-        return True
+        return folded not in _IGNORE_OTHERS
     found = own_planner(folded)
     return (found.command or found.own().declaration).uses_prediction
 

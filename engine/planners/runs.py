@@ -23,7 +23,7 @@ from ..execution import ProgressReporter
 from ..geometry import Points, Values, wrap_angles
 from ..motion_figures import motion_figures
 from ..vehicles import VehicleParameters, vehicle_of
-from .driving.acceptance import DrivenStates, refusal
+from .driving.acceptance import DrivenStates, refusal, refusal_after_start
 from .driving.drivability import exceeded_limits
 from .driving.solution import steering_of
 from .external.command import ScenarioFile
@@ -107,7 +107,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         eased_over_m=driven.blended_over_m,
         rejected_candidates=dict(sorted(driven.rejected.items())),
         metrics=metrics_of(driven, vehicle, loaded.step_s),
-        success_rule="accepted@2",
+        success_rule="accepted@3",
         refusal=ending.refusal,
         beyond_vehicle=_beyond_vehicle(driven, vehicle, loaded.step_s),
         ego_length_m=vehicle.length_m,
@@ -195,7 +195,7 @@ def _start_at(problem: "PlanningProblem", moment: RunMoment) -> "PlanningProblem
 
 @dataclass(frozen=True)
 class _Ending:
-    """The end of a run by the rule ``accepted@2``."""
+    """The end of a run by the rule ``accepted@3``."""
 
     outcome: Outcome
     reason: str
@@ -209,8 +209,17 @@ _REFUSALS: dict[Refusal, str] = {
 }
 
 
+_START_REFUSED = (
+    "CommonRoad's benchmark refuses every motion here, because a part of the body is outside the lanelets in the "
+    "planning problem's initial state, which no planner can change"
+)
+
+
 def _apply_benchmark(verdict: Verdict, steps: RunSteps, start: _Start) -> _Ending:
-    """Return the loop's verdict; a reached goal counts only if CommonRoad's benchmark accepts the motion."""
+    """Return the loop's verdict; a reached goal counts only if CommonRoad's benchmark accepts the motion.
+
+    An initial state that the benchmark refuses does not count, because no planner can change it.
+    """
     if verdict.outcome != "goal_reached":
         return _Ending(verdict.outcome, verdict.reason)
     loaded, vehicle = start.loaded, start.vehicle
@@ -218,9 +227,12 @@ def _apply_benchmark(verdict: Verdict, steps: RunSteps, start: _Start) -> _Endin
     refused = refusal(driven, start.problem.goal, loaded.scenario.lanelet_network, vehicle, loaded.step_s)
     if refused is None or (refused.code == "not_drivable" and start.request.world.moves_by_model):
         return _Ending(verdict.outcome, verdict.reason)  # the benchmark's own model cannot slip
+    if refused.code == "off_lanelets" and refused.index == 0:
+        later = refusal_after_start(driven, loaded.scenario.lanelet_network, vehicle, loaded.step_s)
+        if later is None or (later.code == "not_drivable" and start.request.world.moves_by_model):
+            return _Ending(verdict.outcome, f"{verdict.reason}; {_START_REFUSED}", refused.code)
+        refused = later
     moment = "" if refused.index is None else f" at {refused.index * loaded.step_s:.1f} s"
-    if refused.index == 0:
-        moment = " in the initial state of the planning problem, which no planner can change"
     why = f"{verdict.reason}, but CommonRoad's benchmark refuses the motion: {_REFUSALS[refused.code]}{moment}"
     return _Ending("goal_refused", why, refused.code)
 

@@ -94,6 +94,12 @@ def _draw(axes: "Axes", record: BoundaryRecord, one: BoundaryMap) -> None:
     axes.text(0, 1.02, shortened(at, 60), transform=axes.transAxes, fontsize=SMALL_PT - 1, color=MUTED)
 
 
+def _has_edge(one: BoundaryMap) -> bool:
+    """Return whether a map has an edge between failures and other outcomes, which is then drawn."""
+    failing = np.isin(_raster(one), FAILURES)
+    return bool(failing.any() and not failing.all())
+
+
 def _edge(axes: "Axes", places: list[NDArray[Any]], failing: NDArray[Any], **style: Any) -> None:
     """Draw the edge of a failing region, if there is one."""
     if failing.any() and not failing.all():
@@ -124,9 +130,10 @@ def _legend(shown: list[PointOutcome], record: BoundaryRecord) -> list[Any]:
                 )
             )
             del colour
-    marks.append(Line2D([], [], color=INK, linewidth=1.8, label="the planner's edge"))
+    if any(_has_edge(one) for one in record.maps if not one.is_reference):
+        marks.append(Line2D([], [], color=INK, linewidth=1.8, label="the planner's edge"))
     for planner, (style, words) in _REFERENCE_LINES.items():
-        if any(one.is_reference and one.planner == planner for one in record.maps):
+        if any(one.is_reference and one.planner == planner and _has_edge(one) for one in record.maps):
             marks.append(Line2D([], [], color="#CC79A7", linewidth=2.4, linestyle=style, label=f"edge of the {words}"))
     return marks
 

@@ -200,7 +200,7 @@ def timeline(runs: RunSet) -> Drawing:
     motion.plot(course.time_s, course.lateral_mps2, color=green[0], linestyle=green[1], linewidth=2.2, label="lateral")
     motion.axhline(0, color="#9A9A9A", linewidth=0.9)
     motion.set_ylabel("acceleration\n[m/s²]")
-    motion.legend(loc="upper left", ncols=2, frameon=False, fontsize=SMALL_PT)
+    _draw_key(motion)
     _draw_nearness(near, course, (red, purple))
     for axes in panels:
         axes.grid(color="#E2E2E2", linewidth=0.8)
@@ -231,7 +231,13 @@ def _draw_nearness(axes: "Axes", course: Course, styles: Sequence[tuple[str, obj
     (gap_colour, _), (time_colour, time_dashes) = styles
     axes.plot(course.time_s, course.gap_m, color=gap_colour, linewidth=2.2)
     axes.set_ylim(0, _SHOWN_GAP_M)
-    axes.set_ylabel("gap to the\nnearest [m]", color=gap_colour)
+    axes.set_ylabel(f"gap to the nearest\n[m], up to {_SHOWN_GAP_M:g}", color=gap_colour)
+    if bool(np.isnan(course.gap_m).all()):
+        axes.text(0.5, 0.5, "no other within 60 m", transform=axes.transAxes, ha="center", color=MUTED)
+    if not bool((course.time_to_collision_s <= _SHOWN_TTC_S).any()):
+        words = f"no time to collision up to {_SHOWN_TTC_S:g} s"
+        axes.text(0.995, 0.9, words, transform=axes.transAxes, ha="right", va="top", color=MUTED, fontsize=SMALL_PT)
+        return
     other = axes.twinx()
     other.plot(
         course.time_s, course.time_to_collision_s, color=time_colour, linestyle=time_dashes,
@@ -241,8 +247,6 @@ def _draw_nearness(axes: "Axes", course: Course, styles: Sequence[tuple[str, obj
     other.set_ylabel("time to collision [s]\n(dash-dotted)", color=time_colour)
     other.spines["right"].set_visible(True)
     other.tick_params(labelbottom=False)
-    if bool(np.isnan(course.gap_m).all()):
-        axes.text(0.5, 0.5, "no other within 60 m", transform=axes.transAxes, ha="center", color=MUTED)
 
 
 def _draw_desired_speed(
@@ -255,7 +259,13 @@ def _draw_desired_speed(
         times, series.desired_speed_mps[:count], where="post", color=style[0], linestyle=style[1],
         linewidth=1.8, label="desired",
     )  # fmt: skip
-    axes.legend(loc="upper left", ncols=2, frameon=False, fontsize=SMALL_PT)
+    _draw_key(axes, "lower left")  # the numbers of the moments are at the top of this panel
+
+
+def _draw_key(axes: "Axes", place: str = "upper left") -> None:
+    """Draw the legend of a panel above the lines of the moments."""
+    key = axes.legend(loc=place, ncols=2, frameon=True, framealpha=0.9, edgecolor="none", fontsize=SMALL_PT)
+    key.set_zorder(7)
 
 
 def _draw_place(axes: "Axes", course: Course, series: RunSeries, styles: Sequence[tuple[str, object]]) -> None:
@@ -271,7 +281,7 @@ def _draw_place(axes: "Axes", course: Course, series: RunSeries, styles: Sequenc
             other.plot(course.time_s, np.degrees(values), color=angle_colour, linestyle=line, linewidth=1.6, label=name)
     other.set_ylabel("heading error,\nsteering [°]", color=angle_colour)
     other.spines["right"].set_visible(True)
-    other.legend(loc="upper left", ncols=2, frameon=False, fontsize=SMALL_PT)
+    _draw_key(other)
 
 
 @dataclass(frozen=True)

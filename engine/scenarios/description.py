@@ -426,7 +426,7 @@ def _goal(scene: Scene) -> str:
 
 def _overlaps(scene: Scene) -> str:
     if scene.ego is None:
-        return "ok: there is no ego to overlap"
+        return "ok: without an ego, nothing overlaps it"
     own = oriented_rectangle(np.asarray(scene.ego.position), scene.ego.heading_rad, scene.ego.size_m)
     step = scene.ego.step
     there = [(track, track.index_at(step)) for _, track in sorted((scene.tracks | scene.standing).items())]

@@ -123,18 +123,10 @@ def _facts_of(read: RecordedScenario) -> ScenarioFacts:
     )
 
 
-_OUR_AUTHOR = "PlannerForge"
-"""The author of files written by this program, as stated in the file."""
-
-
 def _circumstances(scenario: "Scenario") -> tuple[str, ...]:
-    """Return bad weather, night and rush hour, as stated in the environment element of a file by this program.
-
-    Other files are not trusted: of CommonRoad's 195 public files, only one states an environment, and it is a test of
-    the format.
-    """
+    """Return bad weather, night and rush hour, as stated in the environment element of a file."""
     environment = getattr(scenario.location, "environment", None)
-    if environment is None or scenario.author != _OUR_AUTHOR:
+    if environment is None:
         return ()
     words = {getattr(part, "value", "") for part in (environment.weather, environment.time_of_day)}
     if environment.time is not None:

@@ -6,6 +6,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from ..base import Answer, Arguments, Model, Result
 from ..measures import metric_of_label, metric_words
+from ..planning import PlannerSettings
 from ..results import SIGNIFICANCE_LEVEL, ConfigWeights, MetricName, Rate, figure, with_unit
 from ..reviews import Contact, RunReview
 from ..runs import Lineage, Outcome, RunSource, ScenarioSource, ending
@@ -322,11 +323,15 @@ def _comparison(comparison: Comparison, shown_flips: int) -> list[str]:
     lines += _weights(comparison.weights)
     if comparison.conditions:
         lines.append(f"- the sides also differ in {'; '.join(comparison.conditions)}")
-    if comparison.unpaired or comparison.invalid_pairs:
-        lines.append(
-            f"- left out: {comparison.unpaired} runs without a counterpart, "
-            f"{comparison.invalid_pairs} pairs with an invalid run"
+    left_out = [
+        f"{counted(count, noun)} {why}"
+        for count, noun, why in (
+            (comparison.unpaired, "run", "without a counterpart"),
+            (comparison.invalid_pairs, "pair", "with an invalid run"),
         )
+        if count
+    ]
+    lines += [f"- left out: {', '.join(left_out)}"] if left_out else []
     return lines
 
 
@@ -356,7 +361,9 @@ def _weights(changes: tuple[WeightChange, ...]) -> list[str]:
     parts = [f"{change.weight} {_or_default(change.before)} → {_or_default(change.after)}" for change in shown]
     hidden = len(changes) - len(shown)
     parts += [f"{hidden} weights and settings that only one of the planners has"] if hidden else []
-    return [f"- weights changed: {', '.join(parts)}"] if parts else []
+    settings = sum(change.weight in PlannerSettings.model_fields for change in shown)
+    kinds = ["weights"] * (settings < len(shown)) + ["settings"] * (settings > 0)
+    return [f"- {' and '.join(kinds or ['weights'])} changed: {', '.join(parts)}"] if parts else []
 
 
 def _or_default(value: float | None) -> str:
@@ -461,7 +468,10 @@ def _tested(metrics: tuple[MetricTest, ...]) -> list[str]:
     shown = sorted(differing, key=lambda metric: (metric.p_holm or 0.0, metric.name))
     lines = [_metric(metric) for metric in shown]
     others = [metric for metric in metrics if metric not in differing]
-    for title, tested in (("medians, not shown to differ", True), ("medians, too few pairs for a test", False)):
+    for title, tested in (
+        ("medians, not shown to differ", True),
+        ("medians, too few pairs for a test (one figure: the same on both sides)", False),
+    ):
         medians = [
             f"{metric_words(metric.name)} {_medians(metric)}"
             for metric in others

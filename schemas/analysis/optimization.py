@@ -301,7 +301,11 @@ _METHOD_NAMES = {"tpe": "Tree-structured Parzen estimator (TPE)", "cmaes": "CMA-
 
 def _searched(study: StudyRecord) -> str:
     pruned = sum(trial.pruned for trial in study.trials)
-    driven = f"; {study.driven} of at most {study.max_trials} configurations run" if study.driven else ""
+    driven = (
+        f"; ran {study.driven} of at most {study.max_trials} configurations, including the base and tests"
+        if study.driven
+        else ""
+    )
     return (
         f"{_METHOD_NAMES.get(study.method, study.method)} search for {' + '.join(study.objective)}:"
         f" {counted(len(study.trials), 'candidate')}{f' ({pruned} stopped early)' if pruned else ''} on"

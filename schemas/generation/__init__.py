@@ -49,6 +49,8 @@ from .specification import Weather as Weather
 
 _SHOWN, _MOST_NOTES = 10, 2
 """How many of several scenarios, and notes on one, an answer shows (chosen)."""
+NOTHING_MADE = "generate_scenarios with another scenario_type or place, or without what the reasons above name"
+"""The next step after a plan that made no scenario."""
 _SHOWN_PLACES, _SHOWN_CANNOT = 5, 3
 """How many places of a plan, and impossible or open combinations, an answer shows (chosen)."""
 
@@ -663,10 +665,10 @@ class PlanSummary(Model):
         where = [f"{count} in {shown_name(place)}" for place, count in list(self.places.items())[:_SHOWN_PLACES]]
         more = len(self.places) - len(where)
         there = [f"{', '.join(where)}{f' and {more} more at other places' if more > 0 else ''}"] if where else []
-        made = "; ".join([*there, *tried, *lost])
+        made = "; ".join([*(f"Made {one}" for one in there), *tried, *lost])
         cannot = [f"{one.combination} ({one.reason})" for one in self.cannot[:_SHOWN_CANNOT]]
         return [
-            *([f"Made {made}."] if made else []),
+            *([f"{made}."] if made else []),
             *([_cut("Impossible", cannot, self.cannot_total)] if cannot else []),
             *([_cut("Still to be covered", list(self.left[:_SHOWN_CANNOT]), self.left_total)] if self.left else []),
         ]
@@ -676,9 +678,11 @@ class PlanSummary(Model):
         """The number of scenarios, and the share of covered combinations."""
         requested = f" of {self.asked:,}" if self.asked is not None else ""
         before = f" ({self.reused:,} already stored)" if self.reused else ""
-        share = self.covered / self.allowed if self.allowed else 1.0
+        made = f"{self.plan_id}: {self.made:,}{requested} scenarios{before}; "
+        if not self.allowed:
+            return f"{made}every {self.strength}-way combination is impossible."
         return (
-            f"{self.plan_id}: {self.made:,}{requested} scenarios{before}; {share:.1%} of the {self.strength}-way "
+            f"{made}{self.covered / self.allowed:.1%} of the {self.strength}-way "
             f"combinations that the maps allow ({self.covered:,} of {self.allowed:,})."
         )
 
@@ -707,6 +711,8 @@ class GenerateScenariosResult(Result):
                 following = f"get_job with job_id '{self.job_id}'"
             elif self.state != "done":
                 following = "repeat this call: finished scenarios are reused"
+            elif not self.plan.made:
+                following = NOTHING_MADE
             return Answer(
                 headline=self.plan.headline,
                 decided=[f"{self.job_id}: {self.state}."] if self.job_id and self.state != "done" else (),

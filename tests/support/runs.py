@@ -71,7 +71,7 @@ def record(
         step_s=0.1,
         outcome=outcome,
         reason=f"ended as {outcome}",
-        success_rule="accepted@2",
+        success_rule="accepted@3",
         collision=collision,
         rejected_candidates=rejected or {},
         metrics=None if outcome == "invalid" else figures or metrics(),

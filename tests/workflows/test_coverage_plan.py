@@ -62,7 +62,7 @@ async def test_a_plan_makes_every_pair_that_can_be_and_names_the_others(connect:
             "scenario_type=intersection + turn=merge",
         }
         assert "100.0% of the 2-way combinations" in text
-        assert "cannot make that turn at a ramp site" in text
+        assert "cannot make that turn at a site of type ramp" in text
         assert len(text.splitlines()) <= 12
         made = plan["made"]
 
@@ -131,6 +131,40 @@ async def test_an_invalid_plan_is_refused_with_the_valid_values(
         refused = await client.call_tool("generate_scenarios", wish)
         assert refused.is_error
         assert said in str(refused.content[0].text)  # type: ignore[union-attr]
+
+
+@pytest.mark.anyio
+async def test_a_plan_whose_combinations_are_all_impossible_says_so_the_same_way_each_time(
+    connect: Connect, bare: Settings
+) -> None:
+    async with connect(bare) as client:
+        cover = ["vehicles=bicycle", "density=low"]
+        wish = {"place": "Neuland", "scenario_type": "ramp", "duration_s": 6, "goal": "steps:20", "cover": cover}
+        for _ in range(2):
+            text, answer = await ended(client, **wish, count=3)
+            plan = answer["plan"]
+            assert (plan["made"], plan["allowed"], plan["cannot_total"]) == (0, 0, 1)
+            assert answer["notes"] == []
+            assert "%" not in text.splitlines()[0]
+            assert "run_planner" not in text
+        _, job = await told(client, "get_job", job_id="latest")
+        assert "run_planner" not in job["next_step"]
+
+
+@pytest.mark.anyio
+async def test_a_plan_without_sites_names_the_impossible_levels_and_the_types_that_remain(
+    connect: Connect, bare: Settings
+) -> None:
+    async with connect(bare) as client:
+        wish = {"scenario_type": "rural", "cover": ["density=low|high", "turn=left|right"]}
+        refused = await client.call_tool("generate_scenarios", wish)
+        text = str(refused.content[0].text)  # type: ignore[union-attr]
+        assert refused.is_error
+        assert text.count("[not_possible]") == text.count("Next:") == 1
+        assert "turn=left" in text
+        assert "turn=right" in text
+        assert "scenario_type=intersection" in text
+        assert "scenario_type=rural" not in text
 
 
 def rows_ended(folder: Path) -> int:

@@ -383,7 +383,9 @@ class _Search:
             else:
                 shares.append(ChangeShare(change=change, gain=round(gain, 6)))
         untried = len(changes) - len(tried)
-        note = f"max_trials left no runs to test {untried} of {counted(len(changes), 'change')} separately"
+        note = (
+            f"{untried} of {counted(len(changes), 'change')} could not be tested alone, because max_trials was used up"
+        )
         return best, tuple(shares), (note,) if untried else ()
 
     def _gain(self, trial: _Trial, other: _Trial) -> float:
@@ -622,10 +624,11 @@ def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Pla
             one.scenario_id: one.root for one in lineages((one.scenario_id for one in choice.scenarios), context)
         }
         roots = {one.scenario_id: lineage.get(one.scenario_id, one.scenario_id) for one in choice.scenarios}
+        strata = _strata(choice.scenarios, roots, context)
         if arguments.method in _SENSITIVITY:
             parts: _Parts = (tuple(choice.scenarios), ()), ((), ()), ()
         else:
-            parts = _divided(choice.scenarios, roots, arguments.seed, _strata(choice.scenarios, roots, context))
+            parts = _divided(choice.scenarios, roots, arguments.seed, strata)
     with faults.collecting():
         if arguments.pareto and (arguments.method not in ("tpe", "random") or len(arguments.objective) < 2):
             raise InvalidRequest(

@@ -6,7 +6,7 @@ A level is a value of an argument of the call, or a turn, which is a goal. Facto
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
@@ -273,6 +273,17 @@ class RequestedPlan:
         by_type = any(factor.name == "scenario_type" for factor in self.factors)
         return self.groups("place", "country", "scenario_type" if by_type else "turn")
 
+    def other_types(self, there: Collection[str]) -> list[str]:
+        """Return the site types among ``there`` that the plan does not use and that allow one of its turns."""
+        levels = {factor.name: factor.levels for factor in self.factors}
+        used = levels.get("scenario_type", (self.arguments.scenario_type,))
+        turns = levels.get("turn")
+        return [
+            kind
+            for kind in get_args(SiteType)
+            if kind in there and kind not in used and (turns is None or set(turns) & set(TURNS_AT[kind]))
+        ]
+
     def groups(self, *names: str) -> Iterator[dict[int, int]]:
         """Yield all combinations of levels of the given factors, or one empty group if the plan has none of them."""
         saying = [index for index, factor in enumerate(self.factors) if factor.name in names]
@@ -300,7 +311,7 @@ def impossible_turns(plan: RequestedPlan) -> Iterator[tuple[Combination, str]]:
         for level, name in enumerate(plan.factors[turn].levels):
             if name not in possible:
                 key = ((turn, level),) if types is None else tuple(sorted(((types, index), (turn, level))))
-                yield key, f"an ego cannot make that turn at a {kind} site"
+                yield key, f"an ego cannot make that turn at a site of type {kind}"
 
 
 def existing_levels(plan: RequestedPlan, context: WorkflowContext) -> list[Levels]:

@@ -55,6 +55,8 @@ _GIVEN_UP_AFTER = 20
 refused, as on real maps, chance makes no such sequence)."""
 _LISTED = 50
 """How many impossible and open combinations the structured answer lists (chosen)."""
+_CAUSES = 3
+"""How many impossible levels a refused plan names (chosen)."""
 _LONGEST_REASON = 160
 """The maximum length of a refusal in the answer, in characters (chosen)."""
 
@@ -120,14 +122,21 @@ async def cover_combinations(
     context.made("plan", plan.plan_id)
     rows = PlanRows(context.workspace.database, plan.plan_id)
     job: Job | None = None
+    refusals: list[NotPossible] = []
     if not _is_enough(plan, rows) or context.workspace.find("plan", plan.plan_id) is None:
 
         async def work(progress: JobProgress) -> None:
-            await _PlanWork(plan, WorkflowContext(context.services), progress).carry_on()
+            try:
+                await _PlanWork(plan, WorkflowContext(context.services), progress).carry_on()
+            except NotPossible as refusal:
+                refusals.append(refusal)
+                raise
 
         job = context.start_job("plan", plan.recipe, work)
         context.made("job", job.job_id)
         job = await context.wait_for(job.job_id, WAIT_S)
+    if refusals:
+        raise refusals[0]
     return await _answer(plan, context, rows, job, notes)
 
 
@@ -182,11 +191,7 @@ class _PlanWork:
             if not spots[words]:
                 barred[tuple(sorted(group.items()))] = "no map there has a site like this"
         if not any(spots.values()):
-            raise NotPossible(
-                "no map has a site for any of the combinations",
-                valid=sorted({kind for match in plan.matches({}) for kind in match.entry.facts.sites}),
-                next_step="use another place, or other levels of scenario_type",
-            )
+            raise _no_site(plan, barred)
         record = PlanRecord(
             plan_id=plan.plan_id,
             cover=tuple(plan.recipe.arguments["cover"]),
@@ -299,6 +304,20 @@ class _PlanWork:
         self._progress.report(min(share, 1.0), message)
 
 
+def _no_site(plan: RequestedPlan, barred: Mapping[Combination, str]) -> NotPossible:
+    """Return the refusal of a plan without any site: which levels are impossible, and which site types remain."""
+    usual = f"scenario_type={plan.arguments.scenario_type}"
+    named = {plan.words(dict(key)) or usual: why for key, why in barred.items()}
+    causes = [f"{words} ({why})" for words, why in named.items()]
+    more = f"; {len(causes) - _CAUSES} more" if len(causes) > _CAUSES else ""
+    there = {kind for match in plan.matches({}) for kind in match.entry.facts.sites}
+    return NotPossible(
+        f"every combination is impossible: {'; '.join(causes[:_CAUSES])}{more}",
+        valid=[f"scenario_type={kind}" for kind in plan.other_types(there)],
+        next_step="use another scenario_type or place, or other levels in cover",
+    )
+
+
 def _is_exhausted(rows: PlanRows) -> bool:
     """Return whether everything is covered and the last rows beyond that were all refused."""
     return rows.refused_in_a_row() >= _GIVEN_UP_AFTER and rows.counts().waiting == 0
@@ -331,7 +350,7 @@ async def _answer(
     messages = [note for note in messages if note]
     if stored is None:
         if job is not None and job.state == "failed":
-            raise NotPossible(job.error, next_step="correct the call and repeat it")
+            raise NotPossible(f"{job.job_id} failed: “{job.error}”")
         messages.append("the sites of the maps are being counted; no scenario exists yet")
         return GenerateScenariosResult(
             scenarios=[], notes=messages, attribution=[], plan=None, job_id=job.job_id if job else "", state=state
@@ -339,17 +358,22 @@ async def _answer(
     record = stored.read(PlanRecord)
     summary = await _summary(plan, context, record, rows)
     if state == "done" and plan.wanted is not None and summary.made < plan.wanted:
-        messages.append(
-            f"no more are possible: the last {_GIVEN_UP_AFTER} rows were all refused"
-            if _is_exhausted(rows)
-            else "the previous job had a smaller count: repeat this call to continue"
-        )
+        messages += _why_fewer(summary, rows)
     ids = {map_id for maps in record.spots.values() for map_id, _ in maps}
     shown = (match.entry.facts for match in plan.matches({}))
     sources = sorted({facts.attribution for facts in shown if facts.map_id in ids})
     return GenerateScenariosResult(
         scenarios=[], notes=messages, attribution=sources, plan=summary, job_id=job.job_id if job else "", state=state
     )
+
+
+def _why_fewer(summary: PlanSummary, rows: PlanRows) -> list[str]:
+    """Return why a plan whose job is done made too few scenarios; its figures tell if all are impossible."""
+    if not summary.allowed:
+        return []
+    if _is_exhausted(rows):
+        return [f"no more are possible: the last {_GIVEN_UP_AFTER} rows were all refused"]
+    return ["the previous job had a smaller count: repeat this call to continue"]
 
 
 async def _summary(plan: RequestedPlan, context: WorkflowContext, record: PlanRecord, rows: PlanRows) -> PlanSummary:

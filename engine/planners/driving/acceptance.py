@@ -77,11 +77,27 @@ def refusal(
     """Return why ``valid_solution`` refuses a motion that hit no road user, or None if it accepts it."""
     if not meets_goal(driven, goal):
         return Refused("goal_not_met")
-    outside = first_off_lanelets(driven, network, vehicle)
-    if outside is not None:
-        return Refused("off_lanelets", outside)
-    undrivable = first_undrivable_step(driven, vehicle, step_s)
-    return None if undrivable is None else Refused("not_drivable", undrivable)
+    outside = states_off_lanelets(driven, network, vehicle)
+    if outside:
+        return Refused("off_lanelets", outside[0])
+    return _undrivable(driven, vehicle, step_s)
+
+
+def refusal_after_start(
+    driven: DrivenStates, network: "LaneletNetwork", vehicle: VehicleParameters, step_s: float
+) -> Refused | None:
+    """Return why a motion to the goal that starts outside the lanelets would be refused even with a start inside.
+
+    The first states do not count until the whole body is inside, because no planner chose the initial state.
+    """
+    outside = states_off_lanelets(driven, network, vehicle)
+    later = [state for number, state in enumerate(outside) if state != number]
+    return Refused("off_lanelets", later[0]) if later else _undrivable(driven, vehicle, step_s)
+
+
+def _undrivable(driven: DrivenStates, vehicle: VehicleParameters, step_s: float) -> Refused | None:
+    step = first_undrivable_step(driven, vehicle, step_s)
+    return None if step is None else Refused("not_drivable", step)
 
 
 def meets_goal(driven: DrivenStates, goal: "GoalRegion") -> bool:
@@ -101,8 +117,8 @@ def meets_goal(driven: DrivenStates, goal: "GoalRegion") -> bool:
     return False
 
 
-def first_off_lanelets(driven: DrivenStates, network: "LaneletNetwork", vehicle: VehicleParameters) -> int | None:
-    """Return the first state at which any part of the body is outside the lanelets, or None.
+def states_off_lanelets(driven: DrivenStates, network: "LaneletNetwork", vehicle: VehicleParameters) -> list[int]:
+    """Return the states, in order, at which any part of the body is outside the lanelets.
 
     Neighbouring lanelets count as one area, from their outermost left to their outermost right bound. The checker fills
     everything outside with triangles, including the area beyond the ends of the network. Only lanelets under the motion
@@ -115,7 +131,7 @@ def first_off_lanelets(driven: DrivenStates, network: "LaneletNetwork", vehicle:
     shapely.prepare(area)
     doubtful = np.flatnonzero(~shapely.covers(area, bodies))
     outside = doubtful[shapely.area(shapely.difference(bodies[doubtful], area)) > _OUTSIDE_M2]
-    return int(outside[0]) if len(outside) else None
+    return [int(state) for state in outside]
 
 
 def _bodies(driven: DrivenStates, vehicle: VehicleParameters) -> NDArray[np.object_]:

@@ -50,7 +50,7 @@ def test_sides_judged_by_different_rules_are_reported() -> None:
     newer = runs(["goal_refused", "collision"], SAFE)
     told = [note for note in compared(older, newer).notes if "different success rules" in note]
     assert len(told) == 1
-    assert {"driven@1", "accepted@2"} <= set(told[0].replace(";", " ").replace(",", " ").split())
+    assert {"driven@1", "accepted@3"} <= set(told[0].replace(";", " ").replace(",", " ").split())
     assert not compared(runs(["goal_reached", "collision"]), newer).notes
 
 
@@ -398,3 +398,19 @@ def test_sides_are_compared_in_the_requested_pairs() -> None:
         ("B1", "B2", "tie"),
     ]
     assert found.ranking == ()
+
+
+def test_changed_settings_are_called_settings_and_show_their_defaults() -> None:
+    longer = DEFAULT.model_copy(update={"config_id": "cfg_longer", "settings": {"horizon_s": 4.0}})
+    result = compared(runs(["goal_reached"] * 2), runs(["goal_reached"] * 2, longer), configs=(DEFAULT, longer))
+    change = result.comparisons[0].weights[0]
+    assert (change.weight, change.before, change.after) == ("horizon_s", 3.0, 4.0)
+    assert "settings changed" in result.to_text()
+    assert "weights changed" not in result.to_text()
+
+
+def test_only_what_was_left_out_is_counted() -> None:
+    result = compared(runs(["goal_reached", "invalid"]), runs(["goal_reached", "goal_reached"], SAFE))
+    (line,) = [line for line in result.to_text().splitlines() if "left out" in line]
+    assert "1 pair " in line
+    assert " 0 " not in line

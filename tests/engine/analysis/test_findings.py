@@ -244,3 +244,18 @@ def test_every_finding_has_a_moment_of_each_of_its_runs(tmp_path: Path) -> None:
     runs += [source(record("ZAM_C-1_1_T-1", "collision"), tmp_path, prediction=0.05, velocity_offset=5.0)]
     for finding in found(*runs).values():
         assert {one.run_id for one in finding.moments} == set(finding.run_ids), finding.name
+
+
+def test_refused_motions_at_the_goal_are_explained_by_the_benchmark() -> None:
+    refused = [
+        record(outcome="goal_refused", config=config).model_copy(update={"refusal": "not_drivable"})
+        for config in (DEFAULT, SAFE)
+    ]
+    results = found(*map(source, refused))
+    hard = results["hard_scenarios"]
+    assert "describe_scenario" not in hard.next_step
+    assert refused[0].run_id in hard.next_step
+    assert "benchmark" in hard.alternatives
+    main = found(source(refused[0]))["main_failure"]
+    assert "not drivable" in main.statement
+    assert "animation" not in main.next_step

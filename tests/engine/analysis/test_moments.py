@@ -262,3 +262,9 @@ def test_predictions_are_compared_with_the_recording(braking_mps2: float, laid_t
     assert found is not None
     assert found.laid_to == laid_to
     assert f"; attributed to {COLLISION_CAUSES[found.laid_to]};" in found.in_words()
+
+
+def test_a_planner_that_ignores_others_is_not_excused_by_its_prediction(tmp_path: Path) -> None:
+    found = reviewed(moving((0, 0, EAST, 10), key=0), moving(LEADER), folder=tmp_path, planner="keep_lane").contact
+    assert found is not None
+    assert found.laid_to == "planning"

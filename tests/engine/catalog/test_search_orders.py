@@ -58,3 +58,27 @@ def test_a_diverse_choice_states_which_matches_it_did_not_examine(
     assert answer(three, diverse=2).notes == ()
     monkeypatch.setattr(search_module, "MOST_CONSIDERED", 2)
     assert "first 2 of 3 matches" in answer(three, diverse=2).to_text()
+
+
+def test_notes_say_what_decides_the_order(three: sqlite3.Connection) -> None:
+    by_text = answer(three, (ABROAD, LARGE, SMALL), text="zzz")
+    by_size = answer(three, (ABROAD, LARGE, SMALL), text="zzz", sort="size")
+    assert ids(by_size) == [LARGE, SMALL, ABROAD]
+    assert "sort=size" in " ".join(by_size.notes)
+    assert "similarity" not in " ".join(by_size.notes)
+    assert "sort=" not in " ".join(by_text.notes)
+    assert any("ttc" in note for note in answer(three, sort="criticality").notes)
+
+
+def test_a_sorted_diverse_choice_is_listed_in_that_order_and_says_so(three: sqlite3.Connection) -> None:
+    found = answer(three, diverse=3, sort="size")
+    assert ids(found) == [LARGE, SMALL, ABROAD]
+    assert any("sort=size" in note for note in found.notes)
+
+
+def test_stages_say_which_arguments_left_the_others_out(three: sqlite3.Connection) -> None:
+    found = answer(three, tags=["urban"], country="DEU")
+    assert [stage.kinds for stage in found.stages] == [("place",), ("tags",)]
+    found = answer(three, features=["ttc<=3s"], ego_speed="0..50m/s")
+    assert [kind for stage in found.stages for kind in stage.kinds][:1] == ["features"]
+    assert "tags" not in found.to_text().split("[")[0]

@@ -143,7 +143,7 @@ def test_a_goal_reached_by_an_infeasible_motion_is_not_a_success(
     near = Problem(goal=(75.0, 0.0, 8.0, 3.0), steps=(20, 60))
     path = replace(town_road(), problems=(near,)).write(tmp_path / "scenario.xml")
     record = run_of(path, None, monkeypatch)
-    assert (record.outcome, record.refusal, record.success_rule) == ("goal_reached", None, "accepted@2")
+    assert (record.outcome, record.refusal, record.success_rule) == ("goal_reached", None, "accepted@3")
     record = run_of(path, Slides, monkeypatch)
     assert (record.outcome, record.refusal) == ("goal_refused", "not_drivable")
     assert record.beyond_vehicle
@@ -155,3 +155,14 @@ def test_a_run_of_a_version_before_keeps_its_rule(tmp_path: Path, monkeypatch: p
     )
     stored = run_of(path, None, monkeypatch).model_dump(exclude={"success_rule", "refusal"})
     assert RunRecord.model_validate(stored).success_rule == "driven@1"
+
+
+def test_a_start_outside_the_lanelets_does_not_count_against_the_planner(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    behind = Problem(start=(1.0, 0.0, 0.0, 10.0), goal=(36.0, 0.0, 8.0, 3.0), steps=(20, 60))
+    path = replace(town_road(), vehicles=(), problems=(behind,)).write(tmp_path / "scenario.xml")
+    record = run_of(path, None, monkeypatch)
+    assert (record.outcome, record.refusal) == ("goal_reached", "off_lanelets")
+    record = run_of(path, Slides, monkeypatch)
+    assert (record.outcome, record.refusal) == ("goal_refused", "not_drivable")

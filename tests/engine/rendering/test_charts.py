@@ -122,6 +122,15 @@ def test_timeline_of_a_run_with_series_has_its_place_on_the_route(tmp_path: Path
     assert "heading error, steering [°]" in labels
 
 
+def test_timeline_draws_an_axis_of_times_to_collision_only_if_it_has_a_curve(
+    hit: RunSource, tmp_path: Path, town: ScenarioSource
+) -> None:
+    assert any("time to collision" in label for label in labels_of_timeline(hit, town))
+    alone = source(record("ZAM_Alone-1_1_T-1"), tmp_path, velocity_offset=3.0)
+    drawing = CHARTS["timeline"](RunSet((alone,), (), ()))
+    assert not any("time to collision" in axes.get_ylabel() for axes in drawing.figure.axes)
+
+
 def test_course_is_as_near_as_the_rectangles_are(hit: RunSource, town: ScenarioSource) -> None:
     course = course_of(RunSet((hit,), (), (town,)), hit.record)
     assert course is not None
