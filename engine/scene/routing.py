@@ -11,6 +11,7 @@ Networks are commonroad-io's objects. Positions are (2,) in m, headings in rad.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -244,22 +245,37 @@ def path_ahead(
         onward = [key for key in graph.successors[chosen[-1]] if key not in chosen]
         if not onward:
             break
-        following = next((key for key in onward if key in route), None) or _straightest(network, line, onward)
+        following = next((key for key in onward if key in route), None)
+        if following is None:
+            following = straightest_ahead(line, {key: center_line(network, key) for key in onward})
         chosen.append(following)
         line = without_repeats(np.vstack([line, center_line(network, following)]))
         length += graph.length_m[following]
     return line, tuple(chosen)
 
 
-def _straightest(network: "LaneletNetwork", line: Points, onward: list[int]) -> int:
+def straightest_ahead(line: Points, onward: Mapping[int, Points]) -> int:
+    """Return the lanelet that continues a line most straight, by the lanelets' centre lines."""
     arriving = math.atan2(*(line[-1] - line[-2])[::-1]) if len(line) > 1 else 0.0
 
     def turn(key: int) -> tuple[float, int]:  # towards the far end of the lanelet, not its first metres
-        following = center_line(network, key)
-        leaving = math.atan2(*(following[-1] - following[0])[::-1])
+        leaving = math.atan2(*(onward[key][-1] - onward[key][0])[::-1])
         return abs(wrap_angle(leaving - arriving)), key
 
     return min(onward, key=turn)
+
+
+def straightest_behind(line: Points, before: Mapping[int, Points]) -> int:
+    """Return the lanelet that leads most straight to the start of a line, by the lanelets' centre lines."""
+
+    def turn(key: int) -> tuple[float, int]:
+        first = before[key]
+        if len(first) < 2 or len(line) < 2:
+            return math.inf, key
+        arriving, leaving = first[-1] - first[0], line[1] - line[0]
+        return abs(wrap_angle(math.atan2(*arriving[::-1]) - math.atan2(*leaving[::-1]))), key
+
+    return min(before, key=turn)
 
 
 def _turns(

@@ -60,7 +60,10 @@ def test_the_answer_states_only_what_is_new_for_the_ego() -> None:
     (changes,) = (line for line in text(SHIFTED).splitlines() if line.startswith("Change "))
     for figure in ("1.49 m → 0 m", "within 60 s → 0 s", "4 → 0", "new collision with road user 39 at 6.5 s"):
         assert figure in changes
-    assert "No change for the ego: risk score 4 (0 = collision, 5 = negligible)." in text(ego_after=CALM).splitlines()
+    assert (
+        "Unchanged risk for an ordinary driver as the ego: risk score 4 (0 = collision, 5 = negligible)."
+        in text(ego_after=CALM).splitlines()
+    )
     nearer = text(ego_after=CALM.model_copy(update={"minimum_distance_m": 0.7}))
     (change,) = (line for line in nearer.splitlines() if line.startswith("Change "))
     assert change.endswith(": minimum distance 1.49 m → 0.7 m.")
