@@ -283,7 +283,7 @@ def combination_notes(texts: Sequence[str] | str | World) -> tuple[str, ...]:
     if len(names) < 2:
         return ()
     together = world_of(names).in_words()
-    return (f"each value of the world '{', '.join(names)}' is the worst of these presets, which gives '{together}'",)
+    return (f"the world '{', '.join(names)}' takes each value from the preset with the worst one: '{together}'",)
 
 
 def _presets_in(texts: Sequence[str] | str) -> Iterator[tuple[str, Preset]]:

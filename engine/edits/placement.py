@@ -174,8 +174,8 @@ def read_trigger(
 
 
 def held(step: int, scene: Scene) -> str:
-    """Return text if a trigger that holds from a step holds from the ego's start, so that nothing triggers later."""
-    return ", which already holds at its start" if scene.ego is not None and step <= scene.ego.step else ""
+    """Return text if a trigger that holds from a step already holds at the ego's start, so that it delays nothing."""
+    return ", which is already so at the ego's start" if scene.ego is not None and step <= scene.ego.step else ""
 
 
 def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: frozenset[int] = frozenset()) -> Place:

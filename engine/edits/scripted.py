@@ -247,8 +247,8 @@ def _since(edit: Edit, made: Mapping[int, tuple[int, float, Track]], scene: Scen
     if edit.when is not None:
         steps = [step for step, _, _ in made.values()]
         times = ", ".join(f"{step * scene.step_s:.1f} s" for step in steps[:3])
-        egos = f"here at {times}, for an ego that SUMO drives{held(max(steps), scene)}"
-        return f" once {edit.when} holds ({egos}; in reactive runs for the planner's ego)"
+        egos = f"here at {times} for an ego that SUMO drives; in reactive runs for the planner's ego"
+        return f" once {edit.when} holds{held(max(steps), scene) or f' ({egos})'}"
     return "" if edit.time_s is None else f" from {edit.time_s:g} s"
 
 

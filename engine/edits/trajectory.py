@@ -324,7 +324,7 @@ def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[
             wanted_mps = float(np.mean(profile_of(edited, key)[:count])) if count else asked
             is_reached = abs(mean - wanted_mps) <= _NEAR_SHARE * wanted_mps
             value = achieved(key, "mean speed", wanted_mps, mean, "m/s", reached=is_reached)
-            why = "" if is_reached else why_slower_or_faster(edited, track, speeds, wanted_mps)
+            why = "" if is_reached else why_slower_or_faster(edited, track, speeds[:count], wanted_mps)
             found.append(value.model_copy(update={"reason": why}))
         return tuple(found)
 

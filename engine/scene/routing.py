@@ -287,7 +287,7 @@ def _turns(
     the angle between the arms (``_round``), since the lanes at a small ring bend away from their road.
     """
     sums: list[float] = []
-    since_fork_m = math.inf
+    since_fork_m, was_inside = math.inf, False
     named = _in_intersections(network)
     rings = _round(network, graph, lanelets, start, goal)
     for index, key in enumerate(lanelets):
@@ -298,7 +298,10 @@ def _turns(
             continue
         begin, end = _driven(network, lanelets, index, start, goal)
         line = center_line(network, key)
-        if len(line) < 2 or not (key in named or _leaves_fork(network, graph, key)):
+        is_inside = key in named or (len(line) > 1 and _leaves_fork(network, graph, key))
+        is_inside = is_inside or (was_inside and len(line) > 1 and _continues_inside(network, graph, key))
+        was_inside = is_inside
+        if len(line) < 2 or not is_inside:
             if len(line) < 2 or not _joins(network, graph, key):
                 since_fork_m += graph.length_m[key]
                 continue
@@ -418,6 +421,29 @@ def _leaves_fork(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bo
     } - graph.parallel_lanes([key])
     own = _heading_after(center_line(network, key))
     return any(abs(wrap_angle(_heading_after(center_line(network, one)) - own)) > PART_RAD for one in others)
+
+
+def _continues_inside(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bool:
+    """Return True if a lanelet after one of a junction is still inside it: it crosses lanes that it does not join.
+
+    SUMO's networks divide a left turn where a car waits for oncoming traffic.
+    """
+    import shapely
+
+    line = network.find_lanelet_by_id(key).polygon.shapely_object
+    own = graph.parallel_lanes([key])
+    near = {*own, *graph.predecessors[key], *graph.successors[key]}
+    siblings = {after for before in graph.predecessors[key] for after in graph.successors[before]}
+    siblings |= {before for after in graph.successors[key] for before in graph.predecessors[after]}
+    center = shapely.LineString(center_line(network, key))
+    for lanelet in network.lanelets:
+        other = int(lanelet.lanelet_id)
+        if other in near or other in siblings or not lanelet.polygon.shapely_object.intersects(line):
+            continue
+        crossed = center_line(network, other)
+        if len(crossed) > 1 and center.crosses(shapely.LineString(crossed)):
+            return True
+    return False
 
 
 def _joins(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bool:

@@ -323,10 +323,11 @@ def _comparison(comparison: Comparison, shown_flips: int) -> list[str]:
     if comparison.conditions:
         lines.append(f"- the sides also differ in {'; '.join(comparison.conditions)}")
     if comparison.unpaired or comparison.invalid_pairs:
-        lines.append(
-            f"- left out: {comparison.unpaired} runs without a counterpart, "
-            f"{comparison.invalid_pairs} pairs with an invalid run"
+        unpaired = [f"{counted(comparison.unpaired, 'run')} without a counterpart"] if comparison.unpaired else []
+        invalid = (
+            [f"{counted(comparison.invalid_pairs, 'pair')} with an invalid run"] if comparison.invalid_pairs else []
         )
+        lines.append(f"- left out: {', '.join([*unpaired, *invalid])}")
     return lines
 
 

@@ -357,7 +357,7 @@ class ScenarioSpec(Model):
         kind, turn = self.scenario_type, self.goal.turn
         if turn is not None and kind != "any" and turn not in TURNS_AT[kind]:
             raise InvalidRequest(
-                f"an ego cannot make the turn {turn!r} at a {kind} site",
+                f"no ego makes the turn {turn!r} at sites of the type {kind}",
                 valid=[f"{THROUGH}:{known}" for known in TURNS_AT[kind]],
                 next_step="choose one of these goals, or another scenario_type",
                 given=f"{THROUGH}:{turn}",
