@@ -571,7 +571,7 @@ def _danger_figures(risk: EgoDanger) -> dict[str, str]:
     """Return the figures as text, by name."""
     figures = {
         "minimum distance": _figure(risk.minimum_distance_m, " m"),
-        "time to collision": _figure(risk.minimum_time_to_collision_s, " s"),
+        "shortest time to collision": _figure(risk.minimum_time_to_collision_s, " s"),
         _RISK: _figure(risk.risk_score, ""),
     }
     if risk.most_critical_id is None:

@@ -33,6 +33,7 @@ from ..scene import (
     NOT_DRIVEN,
     TURN_RAD,
     EgoLane,
+    EgoRoute,
     Scene,
     center_line,
     ego_lane,
@@ -289,7 +290,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
         speed_mps=round(scene.ego.speed_mps, 4),
         lanelets=lanelets,
         lanes=max((len(scene.lanelet_graph.parallel_lanes([key])) for key in lanelets), default=0),
-        goal=_goal_words(problem, scene.step_s, point, goals),
+        goal=_goal_words(problem, scene.step_s, point, goals, route),
         **_goal_figures(problem, scene.step_s, point),
         goal_lanelets=goals,
         route=route.lanelets if route else (),
@@ -322,7 +323,9 @@ def vehicle_words(name: str) -> str:
     return f"{known.in_words}, {MODEL_WORDS[known.motion_model]}; limits: {known.source}"
 
 
-def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets: tuple[int, ...]) -> str:
+def _goal_words(
+    problem: "PlanningProblem", step_s: float, start: Any, lanelets: tuple[int, ...], route: EgoRoute | None
+) -> str:
     """Return the position, time, speed and heading that a goal states, as text."""
     states = problem.goal.state_list
     if not states:
@@ -332,7 +335,12 @@ def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets:
         parts.append(f"lanelet {', '.join(map(str, lanelets[:6]))}{' …' if len(lanelets) > 6 else ''}")
     elif centers := goal_centers(problem):
         on = f" on lanelet{'s' * (len(lanelets) > 1)} {', '.join(map(str, lanelets[:3]))}" if lanelets else ""
-        parts.append(f"region {float(np.linalg.norm(centers[0] - start)):.0f} m away{on}")
+        away = (
+            f"{float(np.linalg.norm(centers[0] - start)):.0f} m away"
+            if route is None
+            else f"{route.length_m:.0f} m ahead"
+        )
+        parts.append(f"region {away}{on}")
     else:
         parts.append("any position")
     first = states[0]

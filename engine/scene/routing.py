@@ -149,13 +149,15 @@ class EgoRoute:
     """Lanelets from the ego's start to its goal, both included, and the ego's turns.
 
     ``turns_rad``: heading change at each junction, inside its lanelets, left positive; ``bend_rad``: the heading change
-    of the whole route, from the lane's heading at the start to that at the goal.
+    of the whole route, from the lane's heading at the start to that at the goal; ``length_m``: the distance along the
+    lanes from the start to the goal's region, or to the end of the last lanelet.
     """
 
     lanelets: tuple[int, ...]
     turns_rad: tuple[float, ...]
     changes_lane: bool
     bend_rad: float = 0.0
+    length_m: float = 0.0
 
     @property
     def turns(self) -> tuple[str, ...]:
@@ -229,7 +231,27 @@ def ego_route(network: "LaneletNetwork", graph: LaneletGraph, problem: "Planning
     named = bool(problem.goal.lanelets_of_goal_position)
     goal = None if named or not centers else centers[0]
     bend_rad = _bend(network, lanelets, point, goal)
-    return EgoRoute(lanelets, _turns(network, graph, lanelets, point, goal), changes, bend_rad)
+    length_m = _length_m(network, graph, lanelets, point, goal)
+    return EgoRoute(lanelets, _turns(network, graph, lanelets, point, goal), changes, bend_rad, length_m)
+
+
+def _length_m(
+    network: "LaneletNetwork", graph: LaneletGraph, lanelets: tuple[int, ...], start: Points, goal: Points | None
+) -> float:
+    """Return the distance along a route's lanes; a lane change goes on at the same place in the next lane."""
+    total_m, place = 0.0, start
+    for index, key in enumerate(lanelets):
+        line = center_line(network, key)
+        if len(line) < 2:
+            continue
+        following = lanelets[index + 1] if index + 1 < len(lanelets) else None
+        if following is not None and following not in graph.successors[key]:
+            continue
+        begin = 0.0 if index and lanelets[index] in graph.successors[lanelets[index - 1]] else project(line, place)[0]
+        _, end = _driven(network, lanelets, index, start, goal)
+        total_m += end - begin
+        place = line[-1]
+    return max(total_m, 0.0)
 
 
 def path_ahead(
