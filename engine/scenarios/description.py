@@ -338,7 +338,7 @@ def _goal_words(
         away = (
             f"{float(np.linalg.norm(centers[0] - start)):.0f} m away"
             if route is None
-            else f"{route.length_m:.0f} m ahead"
+            else f"{route.length_m:.0f} m along the route"
         )
         parts.append(f"region {away}{on}")
     else:
