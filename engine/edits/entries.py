@@ -235,7 +235,7 @@ def entry_speed(
 ) -> EntrySpeed:
     """Return the speed: 80% of the lane's speed, or the speed of the nearest moving vehicle in the lane.
 
-    An ego ahead counts as such a vehicle. An ego behind does not, because its planner chooses its speed.
+    An ego ahead counts like a moving vehicle. An ego behind does not count, because its planner chooses its speed.
     It is never too fast for the leader, parked or not, nor for the curves of the route, which starts on the place's
     lanelet.
 

@@ -149,7 +149,7 @@ class EgoRoute:
     """Lanelets from the ego's start to its goal, both included, and the ego's turns.
 
     ``turns_rad``: heading change at each junction, inside its lanelets, left positive; ``bend_rad``: the heading change
-    of the whole route, from the lane's heading at the start to that at the goal; ``length_m``: the distance along the
+    of the whole route, from the heading at the start to that at the goal. ``length_m``: the distance along the
     lanes from the start to the goal's region, or to the end of the last lanelet.
     """
 
