@@ -3,7 +3,7 @@
 import re
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import ClassVar, Final, Literal
 
 from pydantic import Field
 
@@ -222,8 +222,9 @@ class FindScenariosResult(Result):
         lines = [_line(scenario, requested) for scenario in self.matches]
         if self.coverage:
             missed = "; ".join(_missed(one) for one in self.coverage if one.missed)
-            rest = f"without {missed}" if missed else "with every value that the matches have"
-            lines.append(f"Selected {len(self.matches)} unlike scenarios, {rest}")
+            lines.append(
+                f"Only other matches have: {missed}" if missed else "The selection has every value of all matches."
+            )
         elif self.total > len(self.matches) > 0:
             lines.append(f"… {self.total - len(self.matches)} more: raise offset or limit.")
         if self.emptied_by:
@@ -254,9 +255,25 @@ class FindScenariosResult(Result):
         return f"{stage.left} after {' and '.join(stage.kinds) or stage.stage}{conditions}"
 
 
+_DIMENSIONS: Final = {
+    "countries": "country",
+    "density_per_km": "density per km",
+    "ego_speed_mps": "ego speed in m/s",
+    "features": "feature",
+    "lanes": "number of lanes",
+    "obstacles": "road user",
+    "obstacles_total": "number of road users",
+    "ttc_s": "ttc in s",
+}
+_MOST_MISSED = 5
+"""Number of values per dimension that the text lists (chosen); the structured answer has all."""
+
+
 def _missed(coverage: Coverage) -> str:
-    """Return the values that no selected scenario has, such as ``ego speed mps 10..15``."""
-    return f"{coverage.dimension.replace('_', ' ')} {', '.join(coverage.missed)}"
+    """Return the values of a dimension that a diverse selection lacks."""
+    shown, more = coverage.missed[:_MOST_MISSED], len(coverage.missed) - _MOST_MISSED
+    rest = f" and {more} more" if more > 0 else ""
+    return f"{_DIMENSIONS.get(coverage.dimension, coverage.dimension)} {', '.join(shown)}{rest}"
 
 
 _EVIDENT = re.compile(r"\w+=\d+|.+, [A-Z]{3}|ego [\d.]+ m/s .*")

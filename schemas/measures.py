@@ -504,10 +504,10 @@ MEASURES: tuple[Measure, ...] = (
     ),
     Measure(
         "maximum_planar_jerk_mps3",
-        "largest planar jerk",
+        "largest combined jerk",
         "m/s³",
         "lower",
-        "the same for the planar acceleration, including its lateral part",
+        "largest jerk of the longitudinal and lateral motion together",
         "magnitude of the difference of successive acceleration vectors ÷ step length; for the first step, only the "
         "longitudinal part",
         "",

@@ -360,6 +360,11 @@ class ModifyScenarioResult(Result):
 
     scenario_id: str | None = Field(description="id of the new scenario; null if nothing was stored")
     base_id: str = Field(description="id of the scenario that was edited")
+    root_id: str = Field(
+        "",
+        exclude_if=lambda root: not root,
+        description="id of the scenario that all edits start from, if that is another one",
+    )
     earlier: int = Field(0, exclude_if=lambda count: count == 0, description="edits that this scenario already had")
     reused: bool = Field(False, description="whether the same edits had created it already")
     traffic: TrafficAfterEdits = "recorded"
@@ -385,7 +390,8 @@ class ModifyScenarioResult(Result):
 
     def answer(self) -> Answer:
         """Return what was done and reached, which vehicles react, and what changes for the ego."""
-        before = f" with {counted(self.earlier, 'earlier edit')}" if self.earlier else ""
+        root = f", an edit of {self.root_id}" if self.root_id not in ("", self.base_id) else ""
+        before = f"{root} with {counted(self.earlier, 'earlier edit')}" if self.earlier else ""
         stored = f"{self.scenario_id} (from {self.base_id}{before}{', already stored' if self.reused else ''})"
         head = stored if self.scenario_id else f"Dry run on {self.base_id}, nothing stored"
         hits = [f"{hit.vehicles[0]} hits {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in self.collisions]
@@ -449,7 +455,7 @@ class ModifyScenarioResult(Result):
         lines = []
         if self.traffic == "reactive":
             others = f", {counted(len(reacting), 'unedited vehicle')} too" if reacting else ""
-            lines.append(f"All traffic reacts{others}.")
+            lines.append(f"All {'drivable ' if self.untouched else ''}traffic reacts{others}.")
         elif reacting:
             labels = [f"{vehicle.vehicle_id}{f' ({vehicle.reason})' * bool(vehicle.reason)}" for vehicle in reacting]
             most, _ = self._most(_MOST_TOUCHED)
@@ -550,9 +556,9 @@ def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bo
         if was.get(word) != now[word]
     ]
     if not new:
-        return [f"No change for the ego: {_RISK} {now[_RISK]}{scale}."]
-    ego = "if the ego ignores the edits" if blind else "for the ego"
-    return [f"Change {ego}: {', '.join(new)}."]
+        return [f"Unchanged risk for an ordinary driver as the ego: {_RISK} {now[_RISK]}{scale}."]
+    driver = "who ignores the edits" if blind else "as the ego"
+    return [f"Change for an ordinary driver {driver}: {', '.join(new)}."]
 
 
 _RISK = "risk score"
@@ -565,7 +571,7 @@ def _danger_figures(risk: EgoDanger) -> dict[str, str]:
     """Return the figures as text, by name."""
     figures = {
         "minimum distance": _figure(risk.minimum_distance_m, " m"),
-        "time to collision": _figure(risk.minimum_time_to_collision_s, " s"),
+        "shortest time to collision": _figure(risk.minimum_time_to_collision_s, " s"),
         _RISK: _figure(risk.risk_score, ""),
     }
     if risk.most_critical_id is None:

@@ -236,7 +236,7 @@ _BEGUN = {
     "speed_change": "change of speed",
     "lateral_motion": "lateral motion",
     "speed_and_lateral": "change of speed and lateral motion",
-    "setting_off": "drive",
+    "setting_off": "motion",
 }
 
 

@@ -237,9 +237,13 @@ class DescribeScenarioArguments(Arguments):
 
 
 class DescribeRequest(Model):
-    """The input of the describing operation; ``problem_id`` None means the first planning problem."""
+    """The input of the describing operation; ``problem_id`` None means the first planning problem.
+
+    ``base``: for a motion in an edited scenario, the file that the edits start from.
+    """
 
     path: Path
+    base: Path | None = None
     problem_id: int | None = None
     detail: Detail
     focus: str | None
@@ -328,7 +332,7 @@ class MotionEvent(Model):
     """An event in a vehicle's motion: it brakes, with its reason ahead, or changes lane."""
 
     code: Literal["brakes", "changes_lane"] = Field(description="what it does")
-    cause: Literal["", "leader", "crossing", "light", "turn", "limit", "unknown"] = Field(
+    cause: Literal["", "leader", "crossing", "light", "turn", "limit", "edit", "unknown"] = Field(
         description="what was ahead when it began to brake"
     )
     from_s: float = Field(description="when it begins, since the ego's start")
@@ -358,7 +362,8 @@ class DescribedMotion(Model):
         return [
             f"It drives {self.driven_m:g} m. Events:"
             if did
-            else f"It drives {self.driven_m:g} m, never brakes and keeps its lane.",
+            else f"It drives {self.driven_m:g} m and keeps its lane; its speed never falls by 1 m/s or more at over "
+            "1 m/s².",
             *did,
             "Motion over time:",
             *moments,

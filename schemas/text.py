@@ -171,8 +171,8 @@ def is_utf8(text: str) -> bool:
     return True
 
 
-_CLASS_NOUNS = {"delivery": "delivery van", "emergency": "emergency vehicle"}
-"""Nouns for the vehicle classes that are not nouns for a vehicle."""
+_CLASS_NOUNS = {"delivery": "delivery van", "emergency": "emergency vehicle", "unknown": "road user of unknown type"}
+"""Nouns for the vehicle classes and obstacle types that are not nouns for a road user."""
 
 
 def class_noun(name: str) -> str:
@@ -191,9 +191,10 @@ def counted(count: int, noun: str) -> str:
     words = class_noun(noun)
     if count == 1:
         return f"1 {words}"
+    words, of, kind = words.partition(" of ")
     ending = "es" if words.endswith(("s", "x", "ch", "sh")) else "s"
     is_regular = not (words.endswith("y") and words[-2:-1] not in "aeiou")
-    return f"{count:,} {words}{ending}" if is_regular else f"{count:,} {words[:-1]}ies"
+    return f"{count:,} {words}{ending}{of}{kind}" if is_regular else f"{count:,} {words[:-1]}ies{of}{kind}"
 
 
 _LONGEST_NUMBER = 1e7

@@ -113,7 +113,7 @@ CIRCUMSTANCES: Final[dict[str, str]] = {
 
 CommonRoad's schema has no tags for them. Use them as ``tags`` in a catalogue that contains such scenarios."""
 MEASURES: Final[dict[str, str]] = {
-    "ttc": "seconds until an ego that keeps path and initial speed meets the recorded traffic",
+    "ttc": "time to conflict: seconds until an ego that keeps path and initial speed meets the recorded traffic",
     "horizon": "seconds to the last time step of any recording or goal",
     "density": "recorded vehicles per kilometre of lanelets, mean over the recording",
 }

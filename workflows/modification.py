@@ -151,6 +151,7 @@ async def modified_once(arguments: ModifyScenarioArguments, context: WorkflowCon
     return ModifyScenarioResult(
         scenario_id=None if arguments.dry_run else new_id,
         base_id=given.artifact_id,
+        root_id="" if base_id == given.artifact_id else base_id,
         earlier=len(earlier),
         reused=reused and not arguments.dry_run,
         edits=outcome.edits,

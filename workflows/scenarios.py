@@ -8,6 +8,7 @@ import hashlib
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from ..engine.catalog import MOST_ENTRIES, Postings, Search, entries_of, open_catalogue
 from ..engine.generation import PlanRows
@@ -57,6 +58,7 @@ async def describe_scenario(arguments: DescribeScenarioArguments, context: Workf
         DESCRIBE_SCENARIO,
         DescribeRequest(
             path=context.workspace.file("scenario", artifact.artifact_id, "scenario.xml"),
+            base=_edited_file(artifact, context) if arguments.detail == "motion" else None,
             problem_id=problem_id,
             detail=arguments.detail,
             focus=arguments.focus,
@@ -88,6 +90,14 @@ async def describe_scenario(arguments: DescribeScenarioArguments, context: Workf
         generation=described_generation(report, artifact, arguments.detail) if report is not None else None,
         recipe=artifact.recipe.model_dump(mode="json") if arguments.detail == "recipe" else None,
     )
+
+
+def _edited_file(artifact: Artifact, context: WorkflowContext) -> Path | None:
+    """Return the file that a scenario was edited from, or None if it was not edited or the file is gone."""
+    base = artifact.recipe.arguments.get("base")
+    if not isinstance(base, str) or context.workspace.find("scenario", base) is None:
+        return None
+    return context.workspace.file("scenario", base, "scenario.xml")
 
 
 def _other_problems(facts: ScenarioFacts, problem_id: int | None) -> tuple[int, ...]:

@@ -6,6 +6,7 @@
 ``EditableScenario``: a base scenario that can be edited in memory any number of times, with the values of its files.
 ``EditedScenario``: a scenario after edits, in memory.
 ``NeedsFile``: raised for edits that can only be applied with files.
+``is_unchanged``: returns whether a road user still follows an earlier track.
 ``road_across``: returns the start and end of a crossing of the road at a point of a lanelet.
 ``select``: returns the ids of the vehicles that selectors match, ascending.
 ``scene_of``: returns the scene of a file with its lanes and SUMO network, cached for the next request.
@@ -18,6 +19,7 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .apply import SCENARIO_FILE, apply_edits
     from .changes import Changes
+    from .ego_risk import is_unchanged
     from .in_memory import EditableScenario, EditedScenario, NeedsFile
     from .population import road_across
     from .references import select

@@ -291,7 +291,7 @@ def resolved_edits(
         place = ("edits", number)
         with faults.collecting(where, place):
             _check_arguments(edit)
-            step = OPERATIONS[edit.op](edit, scene, changes)
+            step = _performed(edit, scene, changes)
         if step is None:
             with faults.collecting(where, place):
                 _other_faults(edit, scene, changes).raise_all()
@@ -304,6 +304,24 @@ def resolved_edits(
     faults.raise_all()
     ego.check_goal(scene, changes)
     return ResolvedEdits(edits, tuple(steps), changes, scene)
+
+
+def _performed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
+    """Return the result of an edit; a refusal proposes to leave out those of its vehicles that cannot be driven.
+
+    Raises:
+        InvalidRequest: the edit is not valid, or the scenario does not allow it.
+    """
+    try:
+        return OPERATIONS[edit.op](edit, scene, changes)
+    except NotPossible as refusal:
+        left_out: dict[int, str] = {}
+        with suppress(InvalidRequest):
+            left_out = {key: why for key in select(edit.vehicles, scene, changes) if (why := not_drivable(scene, key))}
+            if refusal.message in left_out.values() and len(left_out) < len(select(edit.vehicles, scene, changes)):
+                drivable = with_values(vehicles=[*edit.vehicles, *(f"!{key}" for key in left_out)])
+                refusal.remedies = (drivable, *refusal.remedies)
+        raise
 
 
 def _other_faults(edit: Edit, scene: Scene, changes: Changes) -> Faults:

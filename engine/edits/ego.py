@@ -18,7 +18,7 @@ from ...schemas.modification import Edit
 from ..commonroad import Track, center_of, size_of
 from ..cosimulation import DrivePlan, first_curve_too_tight
 from ..geometry import point_at, project
-from ..network import station_m
+from ..network import posted_speeds, station_m
 from ..scene import Ego, Scene, goal_center_lanelets
 from ..vehicles import (
     BMW_320I,
@@ -74,10 +74,20 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     turned = "straight on at the next fork: " if edit.turn == "straight" else turned
     where = f"lanelet {goal.lanelet_id} at {_station_m(edit, scene, route):.1f} m"
     what = f"{turned}goal on {where}, {distance:.1f} m ahead of the ego, {task}"
-    pace = task.pace_note(scene.last_step * scene.step_s)
+    pace = task.pace_note(scene.last_step * scene.step_s) + _above_limit(scene, route, task)
     curve = first_curve_too_tight(scene, route, ego.position, ego.speed_mps)
     warning = "" if curve is None else f"; the ego {curve}"
     return EditStep(replace(changes, goal=goal), (), what + pace + warning)
+
+
+def _above_limit(scene: Scene, route: tuple[int, ...], task: "_GoalTask") -> str:
+    """Return text if the average speed that a goal needs is above every signed limit of a route, otherwise ""."""
+    posted = posted_speeds(scene.network)
+    limits_mps = [posted[key] for key in route if key in posted]
+    needed_mps = task.least_average_mps
+    if not limits_mps or needed_mps is None or needed_mps <= max(limits_mps):
+        return ""
+    return f", above the speed limit of {max(limits_mps) * 3.6:.0f} km/h"
 
 
 def _routes_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ...]) -> list[tuple[int, ...]]:
@@ -85,7 +95,9 @@ def _routes_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ..
     if bool(edit.to) == bool(edit.turn):
         near = reachable_lanelets(scene, starts)
         raise InvalidRequest(
-            "set_goal needs either a lanelet in 'to' or a 'turn' at the next fork, not both",
+            "set_goal takes either a lanelet in 'to' or a 'turn' at the next fork, not both"
+            if edit.to
+            else "set_goal needs a lanelet in 'to', or a 'turn' at the next fork",
             valid=near,
             next_step="give one that the ego reaches, or turn=left, right or straight",
             remedies=[with_values(turn=None, to=[str(key)]) for key in near[:_AHEAD_TRIED]],
@@ -513,6 +525,13 @@ class _GoalTask:
             next_step="choose another goal_speed, a place farther ahead or more time",
         )
 
+    @property
+    def least_average_mps(self) -> float | None:
+        """The average speed that takes the ego to the goal when its time ends; None if the goal allows any time."""
+        if self.window_s is None or self.window_s[1] <= 0.0:
+            return None
+        return max(self.ahead_m, 0.0) / self.window_s[1]
+
     def pace_note(self, recording_end_s: float) -> str:
         """Return the average speed that the ego needs, as text after a semicolon; empty if the goal allows any time.
 
@@ -522,7 +541,7 @@ class _GoalTask:
         if self.window_s is None or self.window_s[1] <= 0.0:
             return ""
         first_s, last_s = self.window_s
-        pace = f"; this requires {max(self.ahead_m, 0.0) / last_s:.1f} m/s on average"
+        pace = f"; this requires {self.least_average_mps or 0.0:.1f} m/s on average"
         left_s = recording_end_s - self.start_s
         if not 0.0 < left_s < last_s:
             return pace

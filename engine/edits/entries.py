@@ -252,6 +252,7 @@ def entry_speed(
 ) -> EntrySpeed:
     """Return the speed: 80% of the lane's speed, or the speed of the nearest moving vehicle in the lane.
 
+    An ego ahead counts like a moving vehicle. An ego behind does not count, because its planner chooses its speed.
     It is never too fast for the leader, parked or not, nor for the curves of the route, which starts on the place's
     lanelet.
 
@@ -262,19 +263,20 @@ def entry_speed(
     allowed = _SHARE_OF_LANE_SPEED * scene.driven_speeds_mps[place.lanelet_id]
     usual = min(allowed, fastest)
     reason = f"{_SHARE_OF_LANE_SPEED:.0%} of the lane's speed" if allowed <= fastest else _AS_FAST_AS_IT_CAN
-    neighbours = _same_lane(scene, changes, place, step)
+    ahead_too = (one for one in _ego_in_lane(scene, changes, place, step) if one.distance_m > 0)
+    neighbours = [*_same_lane(scene, changes, place, step), *ahead_too]
     traffic = [one for one in neighbours if not one.is_parked and abs(one.distance_m) < _LOOK_M]
     nearest = min(traffic, key=lambda one: (abs(one.distance_m), one.distance_m), default=None)
     speed = usual if nearest is None else min(nearest.speed_mps, fastest)
     if nearest is not None:
         alike = nearest.speed_mps <= fastest
-        reason = f"like vehicle {nearest.vehicle_id}, the nearest in the lane" if alike else _AS_FAST_AS_IT_CAN
+        reason = f"like {_name(nearest)}, the nearest in the lane" if alike else _AS_FAST_AS_IT_CAN
     leaders = [one for one in neighbours if one.distance_m > 0]
     if leaders:
         leader = min(leaders, key=lambda one: one.distance_m)
         free = max(leader.gap_m(vehicle_class) - vehicle_class.minimum_gap_m, 0.0)
         can_brake = math.sqrt(leader.speed_mps**2 + 2 * vehicle_class.deceleration_mps2 * free)
-        reason = f"so that it can brake for vehicle {leader.vehicle_id} ahead" if can_brake < speed else reason
+        reason = f"so that it can brake for {_name(leader)} ahead" if can_brake < speed else reason
         speed = min(speed, can_brake)
     followers = [one for one in neighbours if one.distance_m <= 0 and not one.is_parked]
     follower = max(followers, key=lambda one: one.distance_m, default=None)
@@ -320,8 +322,11 @@ def gaps_in_words(
 def _gap_text(neighbour: _Neighbour, vehicle_class: VehicleClass, follower_mps: float) -> str:
     gap_m = neighbour.gap_m(vehicle_class)
     headway = f" ({gap_m / follower_mps:.1f} s)" if follower_mps > TIME_GAP_MPS else ""
-    who = "the ego" if neighbour.vehicle_id == _EGO_ID else f"vehicle {neighbour.vehicle_id}"
-    return f"{gap_m:.1f} m{headway} to {who}"
+    return f"{gap_m:.1f} m{headway} to {_name(neighbour)}"
+
+
+def _name(neighbour: _Neighbour) -> str:
+    return "the ego" if neighbour.vehicle_id == _EGO_ID else f"vehicle {neighbour.vehicle_id}"
 
 
 def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[_Neighbour]:

@@ -365,6 +365,14 @@ def _reason_speed_missed(scene: Scene, track: HandoverTrack, speeds: Values, req
     return _scenario_ends(scene)
 
 
+def why_slower_or_faster(edited: EditedScene, track: HandoverTrack, speeds: Values, requested_mps: float) -> str:
+    """Return why the mean of a vehicle's speeds differs from a requested mean: its leader, or what limits its speed."""
+    if float(speeds.mean()) > requested_mps:
+        return "it needs time to slow down"
+    leader = _behind(edited.scene, track, edited.road_users, range(track.first_step, track.last_step + 1))
+    return leader.strip() if leader else _reason_speed_missed(edited.scene, track, speeds, requested_mps)
+
+
 def _scenario_ends(scene: Scene) -> str:
     return f"the scenario ends at {scene.last_step * scene.step_s:.1f} s"
 

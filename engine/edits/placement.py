@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from ...schemas.errors import LANELETS_LISTED, InvalidRequest, NotPossible, UnknownName, closest, misspelt, with_values
 from ...schemas.grammar import SELECTORS, parse_quantity, parse_selector
 from ...schemas.modification import Edit
+from ..commonroad import Track
 from ..cosimulation import Trigger
 from ..geometry import Points, point_at, project, wrap_angle
 from ..network import station_m
-from ..scene import Scene, straightness
+from ..scene import Scene, ego_lane, goal_center_lanelets, straightest_ahead, straightest_behind
 from ..vehicles import TIME_GAP_MPS
 from .changes import Changes, scene_for_references
 from .references import EGO_WORDS, known_lanelet, select
@@ -42,11 +43,12 @@ class Place:
 
 @dataclass(frozen=True)
 class _Reference:
-    """The ego or vehicle that a relative place refers to."""
+    """The ego or vehicle that a relative place refers to; ``towards``: the lanelets that it drives to, if known."""
 
     name: str
     lanelet_id: int
     position: Points
+    towards: frozenset[int] = frozenset()
     speed_mps: float = 0.0
     length_m: float = 0.0
 
@@ -91,7 +93,7 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
         return _oncoming(reference, offset_m, scene)
     lane = _adjacent_lane(reference, edit.lane or "same", scene)
     station, _ = project(scene.layout.table.lanes[lane].center, reference.position)
-    return advance_along_lane(scene, Place(lane, station), offset_m)
+    return advance_along_lane(scene, Place(lane, station), offset_m, reference.towards)
 
 
 def _offset_m(edit: Edit, reference: _Reference, length_m: float) -> float:
@@ -171,10 +173,18 @@ def read_trigger(
     )
 
 
+def held(step: int, scene: Scene) -> str:
+    """Return text if a trigger that holds from a step already holds at the ego's start, so that it delays nothing."""
+    return ", which is already so at the ego's start" if scene.ego is not None and step <= scene.ego.step else ""
+
+
 def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: frozenset[int] = frozenset()) -> Place:
     """Return the place farther along the lane, or behind for a negative distance, following the straightest successors.
 
-    ``targets``: if any routes lead to these lanelets, the place is on the shortest of the routes.
+    At a fork, the straightest successor is the one whose far end is: branches of a junction start alike.
+
+    ``targets``: if any routes lead to these lanelets, the place is on the shortest of the routes, or straight on after
+    its end.
 
     Raises:
         NotPossible: the road ends before the place.
@@ -195,12 +205,13 @@ def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: f
             )
         before, current = lanes[key].length_m, lanes[key].center
         if forward:
+            targets = frozenset() if key in targets else targets
             onward = _towards(scene, key, onward, targets)
-            key = max(onward, key=lambda other: (straightness(current, lanes[other].center), -other))
+            key = straightest_ahead(current, {other: lanes[other].center for other in onward})
             station -= before
             room_m += lanes[key].length_m
         else:
-            key = max(onward, key=lambda other: (straightness(lanes[other].center, current), -other))
+            key = straightest_behind(current, {other: lanes[other].center for other in onward})
             station += lanes[key].length_m
             room_m -= lanes[key].length_m
         seen.add(key)
@@ -234,7 +245,8 @@ def _reference(text: str, scene: Scene, changes: Changes) -> _Reference:
         if scene.ego is None or not scene.ego.lanelets:
             raise NotPossible("the scenario has no ego on a lanelet", next_step="give a lanelet or a vehicle")
         ego = scene.ego
-        return _Reference("the ego", ego.lanelets[0], ego.position, ego.speed_mps, ego.size_m[0])
+        goals = _ego_goals(scene, changes)
+        return _Reference("the ego", ego.lanelets[0], ego.position, goals, ego.speed_mps, ego.size_m[0])
     vehicles = _matching_vehicles(text, body.removeprefix("vehicle:"), scene, changes)
     if len(vehicles) != 1:
         raise NotPossible(f"'{text}' matches {len(vehicles)} vehicles", valid=vehicles, next_step="give one by its id")
@@ -244,7 +256,33 @@ def _reference(text: str, scene: Scene, changes: Changes) -> _Reference:
     track, match = there.tracks[key], there.matches[key]
     index = track.index_at(scene.ego.step if scene.ego else 0) or 0
     speed_mps = float(track.speeds_mps[index])
-    return _Reference(f"vehicle {key}", match.at(index), track.positions[index], speed_mps, track.length_m)
+    towards = frozenset(match.sequence[-1:])
+    return _Reference(f"vehicle {key}", match.at(index), track.positions[index], towards, speed_mps, track.length_m)
+
+
+def _ego_goals(scene: Scene, changes: Changes) -> frozenset[int]:
+    """Return the lanelets of the ego's goal, as earlier edits set it; empty if the goal has no position."""
+    if scene.ego is None:
+        return frozenset()
+    if changes.goal is not None:
+        return frozenset({changes.goal.lanelet_id})
+    return frozenset(goal_center_lanelets(scene.network, scene.loaded.problem(scene.ego.problem_id)))
+
+
+def seen_from_ego(edit: Edit, scene: Scene, changes: Changes, start: Track, lanelet_id: int) -> str:
+    """Return where an edit with ``at=ego`` puts a vehicle, as descriptions say it: "40 m ahead of the ego, same lane".
+
+    The text is empty for other places, and if earlier edits move the ego or its goal.
+    """
+    ego = scene.ego
+    if (edit.at or "").strip().lower() not in EGO_WORDS or ego is None or changes.goal or changes.ego:
+        return ""
+    lane = ego_lane(scene, ego)
+    if lane is None:
+        return ""
+    away, _, which = lane.where(start, 0, lanelet_id).words.partition(", ")
+    preposition = "" if away.split()[-1] in ("alongside", "behind") else " of"
+    return f"{away}{preposition} the ego{', ' * bool(which)}{which}"
 
 
 def _matching_vehicles(text: str, selector: str, scene: Scene, changes: Changes) -> tuple[int, ...]:
@@ -269,7 +307,7 @@ def _oncoming(reference: _Reference, offset_m: float, scene: Scene) -> Place:
     This is the lane that the map declares as adjacent, else the nearest oncoming lane.
     """
     station, _ = project(scene.layout.table.lanes[reference.lanelet_id].center, reference.position)
-    own = advance_along_lane(scene, Place(reference.lanelet_id, station), offset_m)
+    own = advance_along_lane(scene, Place(reference.lanelet_id, station), offset_m, reference.towards)
     (point, heading), declared = own.pose(scene), _declared_opposite(scene, own.lanelet_id)
     candidates = []
     for key, lane in scene.layout.table.lanes.items():

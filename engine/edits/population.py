@@ -33,7 +33,7 @@ from ..scene import Scene
 from ..vehicles import PEDESTRIAN, VehicleClass, vehicle_class_of, vehicle_classes
 from .changes import Changes, EditStep, check_speed, listed, parse_speed, within_time
 from .entries import CLEARANCE_M, NO_NEIGHBOURS, PLACE_TAKEN, OccupiedPlaces, entry_speed, gaps_in_words
-from .placement import Place, advance_along_lane, first_place, read_trigger
+from .placement import Place, advance_along_lane, first_place, held, read_trigger, seen_from_ego
 from .references import drive_to, nearest_driven, select, target_lanelets
 
 _USUAL_SPACING_M = 10.0
@@ -131,6 +131,7 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     spacing = edit.spacing_m if edit.spacing_m is not None else max(_USUAL_SPACING_M, 2 * vehicle_class.length_m)
     targets = target_lanelets(edit.to, scene, changes) if edit.to else frozenset()
     added: list[int] = []
+    before = changes
     places: list[Place] = []
     entering: list[_Entering] = []
     for number in range(count):
@@ -147,7 +148,8 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     who = f"{kind} {', '.join(map(str, added))}"
     requested = (edit.vehicle_class or "").strip()
     who += f" ({requested!r} read as {vehicle_class.name})" if requested.lower() != vehicle_class.name else ""
-    where = f"{_where(places, spacing)}{_why_there(edit)}"
+    from_ego = seen_from_ego(edit, scene, before, entering[0].plan.start, places[0].lanelet_id)
+    where = f"{_where(places, spacing)}{f' ({from_ego})' if from_ego else _why_there(edit)}"
     why = f" ({entering[0].reason})" if entering[0].reason else ""
     around = entering[-1].ahead, entering[0].behind
     gaps = "no vehicle ahead or behind in its lane" if around == NO_NEIGHBOURS else f"gaps: {', '.join(around)}"
@@ -372,9 +374,10 @@ def _add_parked(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehic
             remedies=[with_values(**dict.fromkeys(foreign))],
         )
     place, side = first_place(edit, scene, changes, vehicle_class.length_m), edit.side or "right"
-    count = edit.count or 1
+    count, before = edit.count or 1, changes
     spacing = edit.spacing_m or vehicle_class.length_m + _PARKING_GAP_M
     added: list[int] = []
+    from_ego = ""
     for number in range(count):
         center, heading = _at_kerb(scene, advance_along_lane(scene, place, number * spacing), side, vehicle_class)
         occupant = OccupiedPlaces.at(scene, 0, changes).occupant_at(
@@ -398,12 +401,13 @@ def _add_parked(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehic
             headings_rad=np.full(steps, heading),
             speeds_mps=np.zeros(steps),
         )
+        from_ego = from_ego or seen_from_ego(edit, scene, before, track, place.lanelet_id)
         added.append(track.obstacle_id)
         changes = replace(changes.with_replay(Replay(track, None, is_parked=True)), next_id=changes.next_id + 1)
     who = ", ".join(map(str, added))
     what = (
         f"{vehicle_class.name} {who} parked at the {side} kerb of lanelet {place.lanelet_id} at "
-        f"{place.station_m:.1f} m, {_FROM_LANE_M:g} m from the lane"
+        f"{place.station_m:.1f} m{f' ({from_ego})' if from_ego else ''}, {_FROM_LANE_M:g} m from the lane"
     )
     return EditStep(changes, tuple(added), what, added=tuple(added))
 
@@ -491,7 +495,7 @@ def _add_crossing(edit: Edit, scene: Scene, changes: Changes, who: _Crosser) -> 
     if waits_s:
         what += f", after standing there for {waits_s:g} s"
     if trigger is not None:
-        what += f"; in reactive runs it enters once {edit.when} holds for the planner's ego"
+        what += f"; in reactive runs it enters once {edit.when} holds for the planner's ego{held(first, scene)}"
     return EditStep(changes, (track.obstacle_id,), what, added=(track.obstacle_id,))
 
 

@@ -111,7 +111,8 @@ def _values_in_words(values: tuple[Achieved, ...]) -> list[str]:
     """Return the achieved values of an edit as text, for its first vehicles; equal results are merged."""
     vehicles: dict[str, list[int]] = {}
     for one in values[:_MOST_VALUES]:
-        requested = "" if one.asked is None or one.reached else f" (requested: {one.asked:.4g} {one.unit})"
+        why = f"; {one.reason}" if one.reason else ""
+        requested = "" if one.asked is None or one.reached else f" (requested: {one.asked:.4g} {one.unit}{why})"
         words = f"{one.quantity.replace('_', ' ')} {one.value:.3g} {one.unit}{requested}"
         vehicles.setdefault(words, []).append(one.vehicle_id)
     by_vehicles: dict[tuple[int, ...], list[str]] = {}

@@ -37,7 +37,7 @@ from ..vehicles import TIME_GAP_MPS, comfortable_mps2, hardest_braking_mps2
 from .changes import Changes, EditStep, check_speed, named_vehicles, parse_speed, requested_speed, within_time
 from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
-from .placement import first_place, read_trigger
+from .placement import first_place, held, read_trigger
 from .population import resolve_class
 from .references import EGO_WORDS, select, select_one
 
@@ -242,12 +242,13 @@ def _begin_of(edit: Edit, scene: Scene, changes: Changes, track: Track) -> tuple
     return step, None
 
 
-def _since(edit: Edit, made: Mapping[int, tuple[int, float, Track]], step_s: float) -> str:
+def _since(edit: Edit, made: Mapping[int, tuple[int, float, Track]], scene: Scene) -> str:
     """Return when an edit starts, as the end of a sentence; ``made`` contains its start steps."""
     if edit.when is not None:
-        times = ", ".join(f"{step * step_s:.1f} s" for step, _, _ in list(made.values())[:3])
-        egos = f"in reactive runs for the planner's ego; here for an ego that SUMO drives, at {times}"
-        return f" once {edit.when} holds ({egos})"
+        steps = [step for step, _, _ in made.values()]
+        times = ", ".join(f"{step * scene.step_s:.1f} s" for step in steps[:3])
+        egos = f"here at {times} for an ego that SUMO drives; in reactive runs for the planner's ego"
+        return f" once {edit.when} holds{held(max(steps), scene) or f' ({egos})'}"
     return "" if edit.time_s is None else f" from {edit.time_s:g} s"
 
 
@@ -313,13 +314,14 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
             closest = float(speeds[int(np.argmin(np.abs(speeds - wanted)))])
             within = round(1.0 / scene.step_s)
             change = np.abs(speeds[within:] - speeds[:-within]) if len(speeds) > within else np.zeros(1)
+            quantity = "deceleration" if wanted < float(speeds[0]) else "acceleration"
             found.append(achieved(key, "speed", wanted, closest, "m/s", reached=abs(closest - wanted) <= 0.3))
             total = abs(float(speeds[0]) - wanted)
             if edit.rate_mps2 is not None and total > 1.5 * rate:
-                found.append(achieved(key, "acceleration", rate, float(change.max()), "m/s²"))
+                found.append(achieved(key, quantity, rate, float(change.max()), "m/s²"))
         return tuple(found)
 
-    when = _since(edit, made, scene.step_s)
+    when = _since(edit, made, scene)
     speed = ", ".join(f"{round(wanted, 1):g} m/s" for _, wanted, _ in list(made.values())[:3])
     what = f"{named_vehicles(vehicles)} brought to {speed} at a prescribed {rate:g} m/s²{when}"
     return EditStep(changes, vehicles, what, measure=measured)
@@ -354,7 +356,7 @@ def scripted_lane_change(edit: Edit, scene: Scene, changes: Changes, vehicles: I
         part = ScriptPart(step, (LateralAct(step, aside_m, duration_s),), trigger)
         changes, before, _ = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge), motion=motion)
         made[vehicle_id] = step, aside_m, before
-    when = _since(edit, made, scene.step_s)
+    when = _since(edit, made, scene)
     what = f"{named_vehicles(vehicles)} moved one lane to the {edit.lane} within a prescribed {duration_s:g} s{when}"
     return EditStep(changes, vehicles, what, measure=lambda edited: _asides(edited, made))
 
@@ -432,7 +434,7 @@ def swerve(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         changes, before, _ = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge), motion=motion)
         made[vehicle_id] = step, aside_m, before
     side = "right" if edit.side == "right" else "left"
-    when = _since(edit, made, scene.step_s)
+    when = _since(edit, made, scene)
     what = (
         f"{named_vehicles(vehicles)} {_verb('swerve', vehicles)} {far_m:g} m to the {side}{when} (over "
         f"{duration_s:g} s), {_verb('stay', vehicles)} there "
@@ -686,7 +688,20 @@ def wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     return _added_wrong_way(edit, scene, changes) if edit.at is not None else _sent_wrong_way(edit, scene, changes)
 
 
+_OF_ADDED = ("vehicle_class", "lane", "offset_m", "position", "speed")
+"""Arguments of wrong_way for an added vehicle only."""
+
+
 def _sent_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
+    foreign = [name for name in _OF_ADDED if name in edit.given]
+    if foreign:
+        raise InvalidRequest(
+            f"{' and '.join(foreign)} {'applies' if len(foreign) == 1 else 'apply'} to a vehicle that wrong_way adds, "
+            "not to existing vehicles",
+            valid=["vehicles", "time_s", "when", "lateral_s", "dodge"],
+            next_step=f"remove {' and '.join(foreign)}; set_speed in a further edit changes the speed",
+            remedies=[with_values(**dict.fromkeys(foreign))],
+        )
     vehicles, duration_s = select(edit.vehicles, scene, changes), edit.lateral_s or CUT_IN_S
     made: dict[int, tuple[int, float, Track]] = {}
     for vehicle_id in vehicles:
@@ -697,9 +712,9 @@ def _sent_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         part = ScriptPart(step, (LateralAct(step, aside_m, duration_s),), trigger)
         changes, before, _ = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge), motion=motion)
         made[vehicle_id] = step, aside_m, before
-    when = _since(edit, made, scene.step_s)
+    when = _since(edit, made, scene)
     moves, stays = _verb("move", vehicles), _verb("stay", vehicles)
-    what = f"{named_vehicles(vehicles)} {moves} to the oncoming lane{when} (over {duration_s:g} s) and {stays} there"
+    what = f"{named_vehicles(vehicles)} {moves} to the oncoming lane over {duration_s:g} s and {stays} there{when}"
     return EditStep(changes, vehicles, what, measure=lambda edited: _asides(edited, made))
 
 

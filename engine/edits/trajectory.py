@@ -51,6 +51,7 @@ from .changes import (
     within_time,
 )
 from .edited_scene import EGO, EditedScene, new_overlaps
+from .explanations import why_slower_or_faster
 from .placement import Place, first_place
 from .references import nearest_ids, select
 from .scripted import achieved, missed, motion_of, scripted_lane_change, scripted_speed
@@ -325,16 +326,10 @@ def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[
             count = min(len(speeds), len(profile_of(edited, key)))
             mean = float(speeds[:count].mean())
             wanted_mps = float(np.mean(profile_of(edited, key)[:count])) if count else asked
-            found.append(
-                achieved(
-                    key,
-                    "mean speed",
-                    wanted_mps,
-                    mean,
-                    "m/s",
-                    reached=abs(mean - wanted_mps) <= _NEAR_SHARE * wanted_mps,
-                )
-            )
+            is_reached = abs(mean - wanted_mps) <= _NEAR_SHARE * wanted_mps
+            value = achieved(key, "mean speed", wanted_mps, mean, "m/s", reached=is_reached)
+            why = "" if is_reached else why_slower_or_faster(edited, track, speeds[:count], wanted_mps)
+            found.append(value.model_copy(update={"reason": why}))
         return tuple(found)
 
     def profile_of(edited: EditedScene, key: int) -> tuple[float, ...]:
@@ -342,7 +337,7 @@ def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[
         return next((order.profile_mps for order in reversed(orders) if order.profile_mps), ())
 
     when = "" if edit.time_s is None else f" from {edit.time_s:g} s"
-    drive = "drive" if len(vehicles) > 1 else "drives"
+    drive = "set to drive"
     what = (
         f"{named_vehicles(vehicles)} {drive} {text[1:]} {'faster' if text[0] == '+' else 'slower'} than before{when}"
         if text[:1] in ("+", "-")

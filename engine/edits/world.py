@@ -20,7 +20,7 @@ from ...schemas.modification import Edit, EditOperation
 from ...schemas.text import counted, quoted
 from ...schemas.vocabulary import LEAST_FRICTION, MOST_FRICTION, ROAD_FRICTIONS, WEATHER_ROADS
 from ..commonroad import Track, set_friction, without_scripts
-from ..geometry import oriented_rectangle, point_at
+from ..geometry import Points, oriented_rectangle, point_at
 from ..scene import Scene
 from ..vehicles import GRAVITY_MPS2
 from .changes import Changes, listed
@@ -306,6 +306,20 @@ def _larger_rectangles(sizes: list[float]) -> list[Remedy]:
     return [with_values(rectangle_m=[side, side]) for side in _LARGER_M if side > max(sizes, default=0.0)]
 
 
+_ROUND_M, _MARGIN_M = 10.0, 5.0
+"""A proposed rectangle is rounded up to this, and keeps at least this margin around the start and the goal (chosen)."""
+
+
+def _rectangle_around(points: list[Points], center: Points, heading_rad: float, sizes: list[float]) -> list[float]:
+    """Return the length and width in m of the smallest rectangle about a centre that contains points and a size."""
+    along = np.array([math.cos(heading_rad), math.sin(heading_rad)])
+    across = np.array([-along[1], along[0]])
+    away = np.array(points) - center
+    reach_m = np.abs(np.stack([away @ along, away @ across])).max(axis=1) + _MARGIN_M
+    rounded = np.ceil(2 * reach_m / _ROUND_M) * _ROUND_M
+    return [max(float(side), asked) for side, asked in zip(rounded, sizes, strict=True)]
+
+
 def _crop_place(edit: Edit, root: _Element, scene: Scene) -> str:
     """Keep the lanelets that a rectangle touches, and the road users while they are in it; return a note."""
     import shapely
@@ -331,12 +345,15 @@ def _crop_place(edit: Edit, root: _Element, scene: Scene) -> str:
         spots = [one for one in (point, *centers) if one is not None]
         inside = [box.contains(shapely.Point(float(s.findtext("x", "0")), float(s.findtext("y", "0")))) for s in spots]
         if goals or not all(inside):
+            points = [np.array([float(s.findtext("x", "0")), float(s.findtext("y", "0"))]) for s in spots]
+            points += [scene.network.find_lanelet_by_id(int(ref.get("ref", "0"))).center_vertices[-1] for ref in goals]
+            needed = _rectangle_around(points, center, heading, sizes)
             raise NotPossible(
                 f"the start or the goal of planning problem {problem.get('id')} is outside the rectangle of "
                 f"{sizes[0]:g} m by {sizes[1]:g} m",
-                valid=["a larger rectangle_m", "set_goal first"],
+                valid=[f"rectangle_m=[{needed[0]:g}, {needed[1]:g}]", "set_goal first"],
                 next_step="choose a larger rectangle_m, or move the goal first",
-                remedies=_larger_rectangles(sizes),
+                remedies=[with_values(rectangle_m=needed)],
             )
     lanelets = [one for one in root.iterchildren("lanelet") if int(one.get("id", "0")) not in kept]
     for lanelet in lanelets:

@@ -64,12 +64,12 @@ def pre_crash_type(text: str) -> PreCrashType | None:
     if not mark or prefix.lower() != _TYPOLOGY:
         return None
     types = pre_crash_types()
-    covered = sorted((one for one in types if one.scenarios), key=lambda one: -one.percent)
-    valid = [f"{_TYPOLOGY}:{one.number}" for one in covered]
+    valid = [f"{_TYPOLOGY}:{one.number}" for one in sorted(types, key=lambda one: one.number) if one.scenarios]
     found = next((one for one in types if str(one.number) == number), None)
     if found is None:
         raise UnknownName(
-            f"NHTSA's typology has the types 1 to {len(types)}, but not '{number}'",
+            f"NHTSA's typology has the types 1 to {len(types)}, but not '{number}'; {len(valid)} of the types have a "
+            "logical scenario",
             valid=valid,
             next_step="read plannerforge://vocabulary/pre_crash_types for the types",
             complete=True,

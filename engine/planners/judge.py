@@ -19,6 +19,10 @@ _MOST_STEPS = 2000
 """Most steps of a run, whatever the goal's time (chosen)."""
 
 
+_OBSTACLES_NAMED = 3
+"""Largest number of obstacles at the ego's start that a verdict names (as a description's checks)."""
+
+
 @dataclass(frozen=True)
 class Verdict:
     """The end of a run, with one sentence of figures; ``invalid_reason`` is set only if the problem is invalid."""
@@ -61,11 +65,11 @@ class Judge:
 
     def before_the_run(self, initial: EgoState) -> Verdict | None:
         """Return the verdict if no planner can solve the problem, otherwise None."""
-        hit = self._traffic.hit_by(initial, self._vehicle)
-        if hit:
-            return Verdict.invalid(
-                "initial_collision", f"the ego overlaps obstacle {hit[0]} ({hit[1]}) in its initial state"
-            )
+        hits = [f"{key} ({kind})" for key, kind in self._traffic.hits(initial, self._vehicle)]
+        if hits:
+            more = f" and {len(hits) - _OBSTACLES_NAMED} more" if len(hits) > _OBSTACLES_NAMED else ""
+            named = ", ".join(hits[:_OBSTACLES_NAMED])
+            return Verdict.invalid("initial_collision", f"the ego overlaps obstacle {named}{more} in its initial state")
         if not self._road.holds(initial.position):
             return Verdict.invalid("ego_off_road", "the ego starts off the road")
         turned_rad = self._off_route_rad(initial)

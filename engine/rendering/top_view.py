@@ -144,9 +144,16 @@ def _subtitle(view: ScenarioView, counts: VehicleCounts, *, alone: bool) -> str:
 
 
 def _on_one_map(views: Sequence[ScenarioView]) -> bool:
-    """Return True if the scenarios have the same lanelets, by their ids."""
-    maps = [frozenset(lanelet.lanelet_id for lanelet in view.content.lanelets) for view in views]
-    return all(lanelets == maps[0] for lanelets in maps)
+    """Return True if the scenarios have the same lanelets at the same places; a mirrored map is another one."""
+    maps = [{lanelet.lanelet_id: lanelet.center for lanelet in view.content.lanelets} for view in views]
+    return all(
+        lanelets.keys() == maps[0].keys()
+        and all(
+            center.shape == maps[0][key].shape and np.allclose(center, maps[0][key], atol=_MOVED_M)
+            for key, center in lanelets.items()
+        )
+        for lanelets in maps[1:]
+    )
 
 
 def _widened(viewport: Viewport, views: Sequence[ScenarioView]) -> Viewport:

@@ -6,6 +6,7 @@ file is valid, the goal can be reached, and anything overlaps at the start. Leng
 
 from collections.abc import Collection, Mapping
 from itertools import islice, pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,13 +26,14 @@ from ...schemas.scenarios import (
 from ...schemas.text import counted
 from ..commonroad import Track, limits_kmh, schema_errors, signs_of
 from ..cosimulation import not_drivable
-from ..edits import Changes, scene_of, select
+from ..edits import Changes, is_unchanged, scene_of, select
 from ..execution import ProgressReporter
 from ..geometry import Points, arc_length, oriented_rectangle, point_at, project, rectangles_overlap, wrap_angle
 from ..scene import (
     NOT_DRIVEN,
     TURN_RAD,
     EgoLane,
+    EgoRoute,
     Scene,
     center_line,
     ego_lane,
@@ -40,9 +42,10 @@ from ..scene import (
     goal_centers,
     is_own_recording,
     lanelets_of_pose,
+    obstacle_of,
 )
 from ..vehicles import GRAVITY_MPS2, MODEL_WORDS, ego_class
-from .motion import motion_of
+from .motion import lanelet_of, motion_of
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
@@ -80,7 +83,7 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
     if focus is not None:
         focus = focus.model_copy(update={"vehicle": None if own is None else vehicles[own]})
     if request.detail == "motion":
-        focus = _with_motion(scene, focus)
+        focus = _with_motion(scene, focus, request.base)
     lanelets, total = _describe_lanelets(scene, ego, center, request.radius_m, LANELETS_SHOWN[request.detail])
     return Description(
         ego=ego,
@@ -110,7 +113,7 @@ def _present_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[in
     raise NotPossible("the scenario has no vehicle at that time", valid=[f"time_s from 0 to {last_s:g}"])
 
 
-def _with_motion(scene: Scene, focus: DescribedFocus | None) -> DescribedFocus:
+def _with_motion(scene: Scene, focus: DescribedFocus | None, base: Path | None) -> DescribedFocus:
     """Return the focus with its whole motion; for the ego, the motion in its own recording.
 
     Raises:
@@ -134,7 +137,14 @@ def _with_motion(scene: Scene, focus: DescribedFocus | None) -> DescribedFocus:
     if key not in scene.tracks:
         raise NotPossible(f"{focus.name} has no recorded motion", valid=moving)
     begin = scene.ego.step if scene.ego else 0
-    return focus.model_copy(update={"motion": motion_of(scene, scene.tracks[key], begin)})
+    motion = motion_of(scene, scene.tracks[key], begin, edited=base is not None and _is_edited(scene.tracks[key], base))
+    return focus.model_copy(update={"motion": motion})
+
+
+def _is_edited(track: Track, base: Path) -> bool:
+    """Return whether a road user does not move as in the scenario that its file was edited from."""
+    known = scene_of(base).scene.tracks.get(track.obstacle_id)
+    return known is None or not is_unchanged(track, known)
 
 
 def _center(scene: Scene, focus: str | None, step: int) -> tuple[Points, DescribedFocus | None]:
@@ -249,7 +259,7 @@ def _vehicle(
         vehicle_id=track.obstacle_id,
         kind=track.kind,
         where=where.words if where else f"{distance:.0f} m away",
-        lanelet=lanelet,
+        lanelet=lanelet_of(scene, track, index),
         speed_mps=round(speed, 4),
         distance_m=round(distance, 1),
         ahead_m=where.ahead_m if where else None,
@@ -280,7 +290,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
         speed_mps=round(scene.ego.speed_mps, 4),
         lanelets=lanelets,
         lanes=max((len(scene.lanelet_graph.parallel_lanes([key])) for key in lanelets), default=0),
-        goal=_goal_words(problem, scene.step_s, point, goals),
+        goal=_goal_words(problem, scene.step_s, point, goals, route),
         **_goal_figures(problem, scene.step_s, point),
         goal_lanelets=goals,
         route=route.lanelets if route else (),
@@ -313,7 +323,9 @@ def vehicle_words(name: str) -> str:
     return f"{known.in_words}, {MODEL_WORDS[known.motion_model]}; limits: {known.source}"
 
 
-def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets: tuple[int, ...]) -> str:
+def _goal_words(
+    problem: "PlanningProblem", step_s: float, start: Any, lanelets: tuple[int, ...], route: EgoRoute | None
+) -> str:
     """Return the position, time, speed and heading that a goal states, as text."""
     states = problem.goal.state_list
     if not states:
@@ -323,7 +335,12 @@ def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets:
         parts.append(f"lanelet {', '.join(map(str, lanelets[:6]))}{' …' if len(lanelets) > 6 else ''}")
     elif centers := goal_centers(problem):
         on = f" on lanelet{'s' * (len(lanelets) > 1)} {', '.join(map(str, lanelets[:3]))}" if lanelets else ""
-        parts.append(f"region {float(np.linalg.norm(centers[0] - start)):.0f} m away{on}")
+        away = (
+            f"{float(np.linalg.norm(centers[0] - start)):.0f} m away"
+            if route is None
+            else f"{route.length_m:.0f} m along the route"
+        )
+        parts.append(f"region {away}{on}")
     else:
         parts.append("any position")
     first = states[0]
@@ -429,12 +446,14 @@ def _overlaps(scene: Scene) -> str:
         return "ok: without an ego, nothing overlaps it"
     own = oriented_rectangle(np.asarray(scene.ego.position), scene.ego.heading_rad, scene.ego.size_m)
     step = scene.ego.step
-    there = [(track, track.index_at(step)) for _, track in sorted((scene.tracks | scene.standing).items())]
-    boxes = [(track.obstacle_id, track.corners_at(index)) for track, index in there if index is not None]
-    hit = [key for key, corners in boxes if rectangles_overlap(own, corners)]
+    tracks = [*(scene.tracks | scene.standing).values(), *(region.track for region in scene.regions)]
+    there = [(track, track.index_at(step)) for track in tracks]
+    boxes = [(obstacle_of(track.obstacle_id), track.corners_at(index)) for track, index in there if index is not None]
+    hit = sorted({key for key, corners in boxes if rectangles_overlap(own, corners)})
     if not hit:
         return "ok: no road user overlaps the ego at its start"
-    return f"problem: the ego overlaps vehicle {', '.join(map(str, hit[:CHECKED_SHOWN]))} at its start"
+    more = f" and {len(hit) - CHECKED_SHOWN} more" if len(hit) > CHECKED_SHOWN else ""
+    return f"problem: the ego overlaps obstacle {', '.join(map(str, hit[:CHECKED_SHOWN]))}{more} at its start"
 
 
 def _off_the_road(scene: Scene) -> str:

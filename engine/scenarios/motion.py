@@ -12,7 +12,7 @@ import numpy as np
 from ...schemas.scenarios import DescribedMotion, MotionEvent, MotionMoment
 from ..commonroad import Track, has_light, limits_kmh, signs_of
 from ..geometry import Values, arc_length, gaussian, project, wrap_angle
-from ..scene import NOT_DRIVEN, TURN_RAD, Scene, path_ahead
+from ..scene import NOT_DRIVEN, TURN_RAD, Scene, center_line, lanelets_at, path_ahead
 from .features import along_line, is_near_line
 from .manoeuvres import HEADWAY_S, SAME_RAD, STANDING_GAP_M
 
@@ -26,24 +26,28 @@ SMOOTHED_S = 0.3
 """Standard deviation of the smoothing before speeds become accelerations (chosen: files round their speeds)."""
 BRAKES_MPS2, LOST_MPS = 1.0, 1.0
 """A braking phase: smoothed deceleration above the first, with a loss of speed of at least the second (chosen)."""
+ROUNDED_MPS = 0.05
+"""A speed that falls by less has not begun to fall (chosen: files round their speeds)."""
 AHEAD_S = 3.0
 """A vehicle brakes for what it meets within this time at its speed, or where it stops (as the headway)."""
 EVENTS = 8
 """Largest number of reported events (chosen)."""
 
 
-def motion_of(scene: Scene, track: Track, begin: int) -> DescribedMotion:
+def motion_of(scene: Scene, track: Track, begin: int, *, edited: bool = False) -> DescribedMotion:
     """Return the whole recorded motion of a vehicle; a pedestrian has no leader, and no events of a driver.
 
     Args:
         begin: the step from which times are counted.
+        edited: whether an edit changed the motion.
     """
     acceleration = _accelerations(track, scene.step_s)
     every = max(math.ceil((len(track.positions) - 1) / (MOMENTS - 1)), 1)
     indices = sorted({*range(0, len(track.positions), every), len(track.positions) - 1})
     moments = tuple(_moment(scene, track, index, begin, acceleration) for index in indices)
     walks = track.kind in NOT_DRIVEN
-    driving = () if walks else (*_braking(scene, track, begin, acceleration), *_lane_changes(scene, track, begin))
+    braking = () if walks else _braking(scene, track, begin, acceleration, edited=edited)
+    driving = (*braking, *(() if walks else _lane_changes(scene, track, begin)))
     events = sorted(driving, key=_from)
     driven_m = float(arc_length(track.positions)[-1]) if len(track.positions) > 1 else 0.0
     return DescribedMotion(moments=moments, events=tuple(events[:EVENTS]), driven_m=round(driven_m, 1), walks=walks)
@@ -62,15 +66,29 @@ def _accelerations(track: Track, step_s: float) -> Values:
 
 
 def _moment(scene: Scene, track: Track, index: int, begin: int, acceleration: Values) -> MotionMoment:
-    match, leader = scene.matches.get(track.obstacle_id), leader_of(scene, track, index)
+    leader = leader_of(scene, track, index)
     return MotionMoment(
         time_s=_time_s(scene, track, index, begin),
         speed_mps=round(float(track.speeds_mps[index]), 2),
         acceleration_mps2=round(float(acceleration[index]), 2) + 0.0,
-        lanelet=match.at(index) if match else None,
+        lanelet=lanelet_of(scene, track, index),
         leader=leader[0] if leader else None,
         gap_m=round(leader[1], 1) if leader else None,
     )
+
+
+def lanelet_of(scene: Scene, track: Track, index: int) -> int | None:
+    """Return the lanelet that a road user is on at an index of its track, or None if it is off the lanelets.
+
+    A pedestrian who crosses the lanes is on the lanelet with the nearest centre line.
+    """
+    match, point = scene.matches.get(track.obstacle_id), track.positions[index]
+    if match is not None or track.kind not in NOT_DRIVEN:
+        return None if match is None else match.at(index)
+    under = [
+        (abs(project(center_line(scene.network, key), point)[1]), key) for key in lanelets_at(scene.network, point)
+    ]
+    return min(under)[1] if under else None
 
 
 def _time_s(scene: Scene, track: Track, index: int, begin: int) -> float:
@@ -106,8 +124,11 @@ def leader_of(scene: Scene, track: Track, index: int) -> tuple[int, float] | Non
     return (key, gap_m) if gap_m <= LOOK_M else None
 
 
-def _braking(scene: Scene, track: Track, begin: int, acceleration: Values) -> Iterator[MotionEvent]:
-    """Yield each braking phase with what was ahead when it started."""
+def _braking(scene: Scene, track: Track, begin: int, acceleration: Values, *, edited: bool) -> Iterator[MotionEvent]:
+    """Yield each braking phase with what was ahead when it started, else the edit that sets the motion.
+
+    Smoothing spreads braking over time, so a phase begins only when the file's speed falls.
+    """
     braking = np.concatenate([[False], acceleration < -BRAKES_MPS2, [False]])
     edges = np.flatnonzero(braking[1:] != braking[:-1])
     for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
@@ -117,10 +138,13 @@ def _braking(scene: Scene, track: Track, begin: int, acceleration: Values) -> It
             continue
         hardest = -float(acceleration[first:end].min())
         code, cause = _cause(scene, track, first, last)
+        if code == "unknown" and edited:
+            code, cause = "edit", "an edit sets this motion"
+        begins = first + int(np.flatnonzero(track.speeds_mps[first:last] > before - ROUNDED_MPS)[-1])
         yield MotionEvent(
             code="brakes",
             cause=code,
-            from_s=_time_s(scene, track, first, begin),
+            from_s=_time_s(scene, track, begins, begin),
             until_s=_time_s(scene, track, last, begin),
             words=f"brakes from {before:.1f} to {after:.1f} m/s, by up to {hardest:.1f} m/s²: {cause}",
         )

@@ -28,6 +28,8 @@ on a lanelet.
 ``straight_on``: returns a route extended by its straightest successors for a length in m.
 ``path_ahead``: returns the centre line (n, 2) in m from a lanelet along a route, then along the straightest successors.
 ``center_line``: returns a lanelet's centre line (n, 2) in m without repeated vertices.
+``straightest_ahead``: returns the lanelet that continues a line most straight.
+``straightest_behind``: returns the lanelet that leads most straight to the start of a line.
 ``straightness``: returns the cosine between the end of one polyline and the start of another, rounded to a tenth.
 """
 
@@ -56,6 +58,8 @@ if TYPE_CHECKING:
         path_ahead,
         start_lanelets,
         straight_on,
+        straightest_ahead,
+        straightest_behind,
     )
     from .scene import NOT_DRIVEN, Ego, Scene
 

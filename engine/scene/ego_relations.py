@@ -17,7 +17,7 @@ from ..geometry import Points, arc_length, point_at, project, without_repeats, w
 from ..network import Digraph, LaneletGraph
 from ..vehicles import STANDING_MPS
 from .poses import lanelets_of_pose
-from .routing import center_line, goal_center_lanelets, path_ahead
+from .routing import center_line, goal_center_lanelets, path_ahead, straightest_behind
 from .scene import NOT_DRIVEN, Ego, Scene
 
 if TYPE_CHECKING:
@@ -302,19 +302,11 @@ def _backwards(network: "LaneletNetwork", graph: LaneletGraph, start: int) -> tu
         before = [key for key in graph.predecessors[current] if key != start and key not in chosen]
         if not before:
             break
-        current = min(before, key=lambda key: (_turn_rad(network, key, current), key))
+        lines = {key: center_line(network, key) for key in before}
+        current = straightest_behind(center_line(network, current), lines)
         chosen.append(current)
         total += graph.length_m[current]
     return [center_line(network, key) for key in reversed(chosen)], chosen
-
-
-def _turn_rad(network: "LaneletNetwork", before: int, after: int) -> float:
-    """Return the angle in rad between the direction of a lanelet and the start of the next lanelet."""
-    first, second = center_line(network, before), center_line(network, after)
-    if len(first) < 2 or len(second) < 2:
-        return math.inf
-    arriving, leaving = first[-1] - first[0], second[1] - second[0]
-    return abs(wrap_angle(math.atan2(*arriving[::-1]) - math.atan2(*leaving[::-1])))
 
 
 def _count_lanes_left(network: "LaneletNetwork", own: tuple[int, ...]) -> dict[int, int]:

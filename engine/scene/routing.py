@@ -11,6 +11,7 @@ Networks are commonroad-io's objects. Positions are (2,) in m, headings in rad.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -148,13 +149,15 @@ class EgoRoute:
     """Lanelets from the ego's start to its goal, both included, and the ego's turns.
 
     ``turns_rad``: heading change at each junction, inside its lanelets, left positive; ``bend_rad``: the heading change
-    of the whole route, from the lane's heading at the start to that at the goal.
+    of the whole route, from the heading at the start to that at the goal. ``length_m``: the distance along the
+    lanes from the start to the goal's region, or to the end of the last lanelet.
     """
 
     lanelets: tuple[int, ...]
     turns_rad: tuple[float, ...]
     changes_lane: bool
     bend_rad: float = 0.0
+    length_m: float = 0.0
 
     @property
     def turns(self) -> tuple[str, ...]:
@@ -228,7 +231,27 @@ def ego_route(network: "LaneletNetwork", graph: LaneletGraph, problem: "Planning
     named = bool(problem.goal.lanelets_of_goal_position)
     goal = None if named or not centers else centers[0]
     bend_rad = _bend(network, lanelets, point, goal)
-    return EgoRoute(lanelets, _turns(network, graph, lanelets, point, goal), changes, bend_rad)
+    length_m = _length_m(network, graph, lanelets, point, goal)
+    return EgoRoute(lanelets, _turns(network, graph, lanelets, point, goal), changes, bend_rad, length_m)
+
+
+def _length_m(
+    network: "LaneletNetwork", graph: LaneletGraph, lanelets: tuple[int, ...], start: Points, goal: Points | None
+) -> float:
+    """Return the distance along a route's lanes; a lane change goes on at the same place in the next lane."""
+    total_m, place = 0.0, start
+    for index, key in enumerate(lanelets):
+        line = center_line(network, key)
+        if len(line) < 2:
+            continue
+        following = lanelets[index + 1] if index + 1 < len(lanelets) else None
+        if following is not None and following not in graph.successors[key]:
+            continue
+        begin = 0.0 if index and lanelets[index] in graph.successors[lanelets[index - 1]] else project(line, place)[0]
+        _, end = _driven(network, lanelets, index, start, goal)
+        total_m += end - begin
+        place = line[-1]
+    return max(total_m, 0.0)
 
 
 def path_ahead(
@@ -244,22 +267,37 @@ def path_ahead(
         onward = [key for key in graph.successors[chosen[-1]] if key not in chosen]
         if not onward:
             break
-        following = next((key for key in onward if key in route), None) or _straightest(network, line, onward)
+        following = next((key for key in onward if key in route), None)
+        if following is None:
+            following = straightest_ahead(line, {key: center_line(network, key) for key in onward})
         chosen.append(following)
         line = without_repeats(np.vstack([line, center_line(network, following)]))
         length += graph.length_m[following]
     return line, tuple(chosen)
 
 
-def _straightest(network: "LaneletNetwork", line: Points, onward: list[int]) -> int:
+def straightest_ahead(line: Points, onward: Mapping[int, Points]) -> int:
+    """Return the lanelet that continues a line most straight, by the lanelets' centre lines."""
     arriving = math.atan2(*(line[-1] - line[-2])[::-1]) if len(line) > 1 else 0.0
 
     def turn(key: int) -> tuple[float, int]:  # towards the far end of the lanelet, not its first metres
-        following = center_line(network, key)
-        leaving = math.atan2(*(following[-1] - following[0])[::-1])
+        leaving = math.atan2(*(onward[key][-1] - onward[key][0])[::-1])
         return abs(wrap_angle(leaving - arriving)), key
 
     return min(onward, key=turn)
+
+
+def straightest_behind(line: Points, before: Mapping[int, Points]) -> int:
+    """Return the lanelet that leads most straight to the start of a line, by the lanelets' centre lines."""
+
+    def turn(key: int) -> tuple[float, int]:
+        first = before[key]
+        if len(first) < 2 or len(line) < 2:
+            return math.inf, key
+        arriving, leaving = first[-1] - first[0], line[1] - line[0]
+        return abs(wrap_angle(math.atan2(*arriving[::-1]) - math.atan2(*leaving[::-1]))), key
+
+    return min(before, key=turn)
 
 
 def _turns(
@@ -271,7 +309,7 @@ def _turns(
     the angle between the arms (``_round``), since the lanes at a small ring bend away from their road.
     """
     sums: list[float] = []
-    since_fork_m = math.inf
+    since_fork_m, was_inside = math.inf, False
     named = _in_intersections(network)
     rings = _round(network, graph, lanelets, start, goal)
     for index, key in enumerate(lanelets):
@@ -282,7 +320,10 @@ def _turns(
             continue
         begin, end = _driven(network, lanelets, index, start, goal)
         line = center_line(network, key)
-        if len(line) < 2 or not (key in named or _leaves_fork(network, graph, key)):
+        is_inside = key in named or (len(line) > 1 and _leaves_fork(network, graph, key))
+        is_inside = is_inside or (was_inside and len(line) > 1 and _continues_inside(network, graph, key))
+        was_inside = is_inside
+        if len(line) < 2 or not is_inside:
             if len(line) < 2 or not _joins(network, graph, key):
                 since_fork_m += graph.length_m[key]
                 continue
@@ -402,6 +443,29 @@ def _leaves_fork(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bo
     } - graph.parallel_lanes([key])
     own = _heading_after(center_line(network, key))
     return any(abs(wrap_angle(_heading_after(center_line(network, one)) - own)) > PART_RAD for one in others)
+
+
+def _continues_inside(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bool:
+    """Return True if a lanelet after one of a junction is still inside it: it crosses lanes that it does not join.
+
+    SUMO's networks divide a left turn where a car waits for oncoming traffic.
+    """
+    import shapely
+
+    line = network.find_lanelet_by_id(key).polygon.shapely_object
+    own = graph.parallel_lanes([key])
+    near = {*own, *graph.predecessors[key], *graph.successors[key]}
+    siblings = {after for before in graph.predecessors[key] for after in graph.successors[before]}
+    siblings |= {before for after in graph.successors[key] for before in graph.predecessors[after]}
+    center = shapely.LineString(center_line(network, key))
+    for lanelet in network.lanelets:
+        other = int(lanelet.lanelet_id)
+        if other in near or other in siblings or not lanelet.polygon.shapely_object.intersects(line):
+            continue
+        crossed = center_line(network, other)
+        if len(crossed) > 1 and center.crosses(shapely.LineString(crossed)):
+            return True
+    return False
 
 
 def _joins(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bool:

@@ -571,6 +571,7 @@ class ScenarioSummary(Model):
         osm = f", OSM {self.osm_id}" if self.osm_id else ""
         kind, _, rest = self.site.partition(" ")
         at = f"{self.map_id}, {self.latitude:.5f}, {self.longitude:.5f}{osm}"
+        rest = f"on {rest.removeprefix('at ')}" if kind in _ROADS and rest.startswith("at ") else rest
         return f"{_SITE_NOUNS.get(kind, kind)} {rest}, {cited(self.place)} ({at})"
 
     def answer(self) -> Answer:
@@ -607,6 +608,8 @@ class ScenarioSummary(Model):
         return f"{made}: {self.where}; {shown}{others}{missing}{tried}{failed}{refused}"
 
 
+_ROADS = frozenset({"rural", "urban", "highway"})
+"""Types of sites that are on a road, not at a junction."""
 _SITE_NOUNS = {"signalised_intersection": "signalised intersection", "rural": "rural road", "urban": "urban road"}
 """Nouns for the types of sites that are not nouns."""
 

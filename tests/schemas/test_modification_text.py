@@ -34,7 +34,7 @@ WHY = "a later edit replaces it"
 def text(*touched: TouchedVehicle, ego_after: EgoDanger | None = RAMMING, **others: Any) -> str:
     usual: dict[str, Any] = {"edits": (), "collisions": (), "warnings": (), "removed": (), "handed_over": ()}
     result = ModifyScenarioResult(
-        scenario_id=None,
+        scenario_id=others.pop("scenario_id", None),
         base_id="ZAM_Builder-1_1_T-1",
         touched=touched,
         ego_before=CALM,
@@ -60,7 +60,10 @@ def test_the_answer_states_only_what_is_new_for_the_ego() -> None:
     (changes,) = (line for line in text(SHIFTED).splitlines() if line.startswith("Change "))
     for figure in ("1.49 m → 0 m", "within 60 s → 0 s", "4 → 0", "new collision with road user 39 at 6.5 s"):
         assert figure in changes
-    assert "No change for the ego: risk score 4 (0 = collision, 5 = negligible)." in text(ego_after=CALM).splitlines()
+    assert (
+        "Unchanged risk for an ordinary driver as the ego: risk score 4 (0 = collision, 5 = negligible)."
+        in text(ego_after=CALM).splitlines()
+    )
     nearer = text(ego_after=CALM.model_copy(update={"minimum_distance_m": 0.7}))
     (change,) = (line for line in nearer.splitlines() if line.startswith("Change "))
     assert change.endswith(": minimum distance 1.49 m → 0.7 m.")
@@ -138,3 +141,13 @@ def test_an_additionally_driven_vehicle_is_named_with_the_reason() -> None:
 def test_the_vehicles_that_a_word_refers_to_follow_the_edit() -> None:
     meant = edit(0).model_copy(update={"meant": "lead: 361 car 43 m ahead, same lane"})
     assert "set_behaviour: tau=1.5 for all (lead: 361 car 43 m ahead, same lane)" in text(edits=(meant,))
+
+
+def test_an_edit_of_an_edited_scenario_names_the_scenario_that_all_edits_start_from() -> None:
+    told = text(scenario_id="ZAM_New-1_1_T-1", earlier=1, root_id="ZAM_Root-1_1_T-1")
+    assert "ZAM_Root-1_1_T-1" in told.splitlines()[0]
+
+
+def test_not_all_traffic_reacts_if_a_vehicle_keeps_its_recording() -> None:
+    first = next(line for line in text(traffic="reactive").splitlines() if "traffic reacts" in line)
+    assert first.startswith("All drivable traffic reacts")

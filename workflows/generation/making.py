@@ -107,7 +107,7 @@ def summarise(
         recorded_s=scenario.recorded_s,
         ego=_ego_words(ego, request),
         goal=(
-            f"{ego.goal_distance_m:.0f} m ahead on lanelet {ego.goal_lanelet}, from "
+            f"{ego.goal_distance_m:.0f} m along the recorded drive on lanelet {ego.goal_lanelet}, from "
             f"{ego.goal_time_s[0]:g} to {ego.goal_time_s[1]:g} s{aim}"
         ),
         ego_speed_mps=ego.speed_mps,

@@ -173,7 +173,11 @@ class _ReactiveTraffic:
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
         """Return id and type of the lowest-id obstacle that overlaps the ego's rectangle at the ego's step, or None."""
-        return _least_hit(self._roles.replayed.hit_by(ego, vehicle), self.driven, ego, vehicle)
+        return next(iter(self.hits(ego, vehicle)), None)
+
+    def hits(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[tuple[int, str], ...]:
+        """Return id and type of all obstacles that overlap the ego's rectangle at the ego's step, by ascending id."""
+        return _all_hits(self._roles.replayed.hits(ego, vehicle), self.driven, ego, vehicle)
 
     def _may_start(self, actor: Actor, ego: EgoState) -> bool:
         """Return True if it is time and the position is free; a vehicle waits if it would have to hit another one.
@@ -335,21 +339,23 @@ class _ScriptedTraffic:
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
         """Return id and type of the lowest-id obstacle that overlaps the ego's rectangle at the ego's step, or None."""
-        return _least_hit(self._replayed.hit_by(ego, vehicle), self.driven, ego, vehicle)
+        return next(iter(self.hits(ego, vehicle)), None)
+
+    def hits(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[tuple[int, str], ...]:
+        """Return id and type of all obstacles that overlap the ego's rectangle at the ego's step, by ascending id."""
+        return _all_hits(self._replayed.hits(ego, vehicle), self.driven, ego, vehicle)
 
 
-def _least_hit(
-    hit: tuple[int, str] | None, driven: tuple[Track, ...], ego: EgoState, vehicle: VehicleParameters
-) -> tuple[int, str] | None:
-    """Return the lowest-id obstacle, with its type, among a known hit and the driven ones that overlap the ego, or
-    None.
-    """
-    own = rectangle(ego, vehicle)
+def _all_hits(
+    replayed: tuple[tuple[int, str], ...], driven: tuple[Track, ...], ego: EgoState, vehicle: VehicleParameters
+) -> tuple[tuple[int, str], ...]:
+    """Return id and type of the known hits and of the driven obstacles that overlap the ego, by ascending id."""
+    own, hits = rectangle(ego, vehicle), set(replayed)
     for track in driven:
         index = track.index_at(ego.step)
         if index is not None and own.collide(_body(track, index)):
-            hit = min(hit or (track.obstacle_id, track.kind), (track.obstacle_id, track.kind))
-    return hit
+            hits.add((track.obstacle_id, track.kind))
+    return tuple(sorted(hits))
 
 
 def _room_behind_m(track: Track, ego: EgoState, vehicle: VehicleParameters) -> float | None:

@@ -56,6 +56,9 @@ class Traffic(Protocol):
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
         """Return id and type of the lowest-id obstacle that overlaps the ego's rectangle at the ego's step, or None."""
 
+    def hits(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[tuple[int, str], ...]:
+        """Return id and type of all obstacles that overlap the ego's rectangle at the ego's step, by ascending id."""
+
 
 class RecordedTraffic:
     """Dynamic and static obstacles as recorded; environment and phantom obstacles have no bodies.
@@ -103,13 +106,17 @@ class RecordedTraffic:
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
         """Return id and type of the lowest-id obstacle that overlaps the ego's rectangle at the ego's step, or None."""
+        return next(iter(self.hits(ego, vehicle)), None)
+
+    def hits(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[tuple[int, str], ...]:
+        """Return id and type of all obstacles that overlap the ego's rectangle at the ego's step, by ascending id."""
         from commonroad_dc import pycrcc
 
         body = pycrcc.TimeVariantCollisionObject(ego.step)
         body.append_obstacle(rectangle(ego, vehicle))
         hit = self._rectangles.hit_by(ego, vehicle)
         hit += [key for key, other in self._others.items() if other.collide(body)]
-        return (min(hit), self._kinds[min(hit)]) if hit else None
+        return tuple((key, self._kinds[key]) for key in sorted(hit))
 
 
 class _Rectangles:

@@ -96,3 +96,24 @@ def test_an_empty_moment_and_an_ego_without_a_recording_are_refused(tmp_path: Pa
         described(tmp_path, driving(75, (60, 0), 10.0, STEPS), focus=None, time_s=60.0)
     with pytest.raises(NotPossible):
         described(tmp_path, driving(75, (60, 0), 10.0, STEPS), focus="ego", motion=True)
+
+
+def test_a_crossing_pedestrian_is_on_the_lanelets_that_it_crosses(tmp_path: Path) -> None:
+    walker = driving(71, (60, -4), 1.4, STEPS, heading_rad=math.pi / 2, kind="pedestrian", size_m=(0.5, 0.6))
+    under = [one.lanelet for one in motion(tmp_path, walker, focus="71").moments]
+    assert under[0] is None
+    assert [key for key in dict.fromkeys(under) if key is not None] == [1, 2, 3]
+
+
+def test_braking_that_an_edit_sets_has_the_edit_as_its_cause(tmp_path: Path) -> None:
+    path = town_road().with_vehicles(slowing(71, (60, 0), lambda t: 10.0)).write(tmp_path / "base.xml")
+    edited = town_road().with_vehicles(slowing(71, (60, 0), lambda t: 10.0 if t < 2 else max(10.0 - 5.0 * (t - 2), 0)))
+    request = DescribeRequest(
+        path=edited.write(tmp_path / "edited.xml"), base=path, detail="motion", focus="71", radius_m=400.0
+    )
+    for base, cause in ((path, "edit"), (None, "unknown")):
+        asked = describe(request.model_copy(update={"base": base}), silent).asked
+        assert asked is not None
+        assert asked.motion is not None
+        assert [event.cause for event in asked.motion.events] == [cause]
+        assert asked.motion.events[0].from_s == pytest.approx(2.0, abs=0.1)

@@ -105,3 +105,22 @@ def test_a_route_that_returns_next_to_its_start_turns_back(tmp_path: Path) -> No
     way, features = _way(tmp_path, lanes, (40.0, 16.0))
     assert way == "turns back"
     assert "ego_turns_back" in features
+
+
+def test_a_left_turn_that_is_divided_inside_the_junction_is_one_turn(tmp_path: Path) -> None:
+    """Lane 2 begins the turn at the fork, 3 completes it across the oncoming lane 6, as in SUMO's networks."""
+    lanes = (
+        Lane(1, line((0, 0), (100, 0)), successors=(2, 5)),
+        Lane(2, arc((100, 20), 20, -math.pi / 2, -math.pi / 3), predecessors=(1,), successors=(3,)),
+        Lane(3, arc((100, 20), 20, -math.pi / 3, 0), predecessors=(2,), successors=(4,)),
+        Lane(4, line((120, 20), (120, 120)), predecessors=(3,)),
+        Lane(5, line((100, 0), (200, 0)), predecessors=(1,)),
+        Lane(6, line((200, 7), (0, 7))),
+    )
+    path = ScenarioBuilder(lanes, problems=(Problem(goal=(120.0, 80.0, 8.0, 3.0)),)).write(tmp_path / "scenario.xml")
+    loaded = read_scenario(path)
+    network = loaded.scenario.lanelet_network
+    route = ego_route(network, LaneletGraph.of(network), loaded.problem())
+    assert route is not None
+    assert route.turns == ("left",)
+    assert route.length_m == pytest.approx(60.0 + 10.0 * math.pi + 60.0, abs=0.5)
