@@ -39,8 +39,8 @@ _MOST_NAMED = 100
 """How many of a token's latest jobs are searched for running ones (chosen)."""
 _NEXT_AFTER = {
     "import": "search with find_scenarios, or list the imported files with list_artifacts",
-    "study": "repeat the call of optimize_planner to get the study",
-    "trial": "repeat the call of analyze_results to get its result",
+    "study": "repeat the optimize_planner call to get the study",
+    "trial": "repeat the analyze_results call to get its result",
 }
 """The next step after a job of each kind that is done."""
 
@@ -304,7 +304,7 @@ def _next_step(job: Job) -> str:
     if job.kind == "plan":
         return f"run_planner with scenarios ['{job.results[0]}']"
     if job.kind == "boundary" and job.results:
-        return f"render ids ['{job.results[-1]}'], or repeat explore_boundary for the shares"
+        return f"render ids ['{job.results[-1]}'], or repeat explore_boundary for the safe and unsafe shares"
     batches = _batches(job)
     if batches and job.kind == "batch":
         return after_batch(batches[-1], [key for key in job.recipe.parents if key.startswith("cfg_")])

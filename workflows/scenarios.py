@@ -164,7 +164,7 @@ def planned_scenarios(word: str, context: WorkflowContext) -> tuple[str, ...]:
     plan = context.artifact("latest" if word == "plan_latest" else word, "plan")
     ids = PlanRows(context.workspace.database, plan.artifact_id).scenario_ids()
     if not ids:
-        raise NotPossible(f"{plan.artifact_id} has no scenario yet", next_step="wait for its job with get_job")
+        raise NotPossible(f"{plan.artifact_id} has no scenarios yet", next_step="wait for its job with get_job")
     return ids
 
 

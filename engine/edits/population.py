@@ -491,7 +491,7 @@ def _add_crossing(edit: Edit, scene: Scene, changes: Changes, who: _Crosser) -> 
     if waits_s:
         what += f", after standing there for {waits_s:g} s"
     if trigger is not None:
-        what += f"; in reactive runs it enters once {edit.when} holds for the planner's ego"
+        what += f"; in reactive runs it starts when the planner's ego has {edit.when}"
     return EditStep(changes, (track.obstacle_id,), what, added=(track.obstacle_id,))
 
 

@@ -346,6 +346,8 @@ class Workspace:
         query = "SELECT kind FROM artifacts WHERE artifact_id = ? ORDER BY sequence DESC LIMIT 1"
         row = self.database.connection().execute(query, (artifact_id,)).fetchone()
         if row is None:
+            if not artifact_id:
+                raise InvalidRequest("an id is empty", next_step="give an id, or see list_artifacts")
             known = [str(entry[0]) for kind in expected or (None,) for entry in self._ids(kind)]
             raise UnknownName(f"there is nothing called '{artifact_id}'", valid=closest(artifact_id, known))
         kind: ArtifactKind = row[0]

@@ -342,7 +342,7 @@ async def _answer(
         messages.append(
             f"no more are possible: the last {_GIVEN_UP_AFTER} rows were all refused"
             if _is_exhausted(rows)
-            else "the previous job had a smaller count: repeat this call to continue"
+            else "the previous job was for fewer scenarios: repeat this call to continue"
         )
     ids = {map_id for maps in record.spots.values() for map_id, _ in maps}
     shown = (match.entry.facts for match in plan.matches({}))
