@@ -12,7 +12,7 @@ from .jobs import JobState
 from .planning import PlannerConfiguration
 from .results import Rate
 from .runs import LostCell, Prediction, RunRecord, ScenarioSource, Traffic
-from .text import counted, printable, shown_name
+from .text import counted, plural, printable, shown_name
 from .worlds import PERFECT_NAME
 
 RESOURCE_SCHEME = "plannerforge://"
@@ -151,7 +151,7 @@ class ListArtifactsResult(Result):
         if not self.artifacts:
             following = _MADE_WITH.get(self.kind or "", "generate_scenarios, find_scenarios or import_files")
             what = "imported map" if self.kind == "map" else self.kind or "artifact"
-            missing = f"No {what} has these properties." if self.is_filtered else f"There are no {what}s yet."
+            missing = f"No {what} has these properties." if self.is_filtered else f"There are no {plural(what)} yet."
             return Answer(missing, next_step="leave out text and parent" if self.is_filtered else following)
         lines = [item.in_words() for item in self.artifacts]
         rated = sum(item.batch is not None for item in self.artifacts)

@@ -258,7 +258,9 @@ class FindFailuresResult(Result):
         """Return the failures with their change, run and verdict."""
         search = self.search
         if search is None:
-            return Answer(f"{self.job_id}: {self.state}{self.message and f'; {self.message}' or '.'}", next_step=self.next_step)
+            return Answer(
+                f"{self.job_id}: {self.state}{f'; {self.message}' if self.message else '.'}", next_step=self.next_step
+            )
         found = counted(len(search.failures), "distinct failure")
         other = (
             f"Runs with failures that no careful driver avoids: {search.unavoidable}. "

@@ -335,7 +335,7 @@ class RunPlannerArguments(Arguments):
     scenarios: list[str] = Field(
         ["latest"],
         min_length=1,
-        description="scenario ids (ID#problem), a search id (all hits; search:latest), preset:N",
+        description="scenario ids or ID#problem, a search id or search:latest (all hits), preset:N",
     )
     configs: list[str] = Field(["current"], min_length=1, description="config ids, PLANNER[:PRESET]")
     prediction: Prediction = "constant_velocity"

@@ -310,7 +310,11 @@ class CollisionCauses(Model):
             caused = "the ego caused, or " if made else ""
             none = f"; {caused}a reference driver prevents{',' if made else ''} {self.judged} of {self.judged}{some}"
         counts = [f"{count} to {COLLISION_CAUSES[cause]}" for cause, count in self.laid_to.items()]
-        laid_to = f"; {counts[0].replace(' ', ' attributed ', 1)}{''.join(f', {one}' for one in counts[1:])}" if counts else ""
+        laid_to = (
+            f"; {counts[0].replace(' ', ' attributed ', 1)}{''.join(f', {one}' for one in counts[1:])}"
+            if counts
+            else ""
+        )
         summary = f"{kinds}{laid_to}{none}{without}."
         sample = f"In a random {self.looked_at} of {self.collisions} collisions: " if self.is_sample else ""
         return f"{sample or 'Collisions: '}{summary}{self._examples()}"

@@ -326,7 +326,7 @@ class Sight(Model):
     since_s: float | None = Field(description="since when it got it up to the contact; null if it did not")
 
     def in_words(self, other: str, time_s: float) -> str:
-        """Return text such as ``bicycle 3074 was hidden by truck 12 until 1.2 s before; first seen at 0.2 s, then lost``."""
+        """Return text such as ``bicycle 3074 was hidden by truck 12 until 1.2 s before the contact (occluded); …``."""
         hider = "other bodies" if self.by is None else f"{self.by_class} {self.by}".strip()
         texts: dict[SightCode, str] = {
             "seen": f"{other} was reported",

@@ -694,7 +694,7 @@ def _about_success(code: HeadlineCode, test: SuccessTest) -> str:
 def _flipped(test: SuccessTest) -> str:
     """Return text such as ``3 of 4 pairs flipped to success, 1 to failure``, or that no pair flipped."""
     if test.only_after == test.only_before == 0:
-        return f"the outcome is the same in {'all ' if test.pairs > 1 else ''}{counted(test.pairs, 'pair')}"
+        return f"success differs in 0 of {counted(test.pairs, 'pair')}"
     if test.only_after == 0:
         return f"{test.only_before} of {test.pairs} pairs flipped to failure"
     back = f", {test.only_before} to failure" if test.only_before else ""

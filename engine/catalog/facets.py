@@ -78,7 +78,9 @@ def _words(
     none = [word for word in known if word not in counts]
     if whole:
         return [
-            FacetCounts(facet=facet, counts={**counts, **dict.fromkeys(none, 0)}, note="without a number: in no scenario")
+            FacetCounts(
+                facet=facet, counts={**counts, **dict.fromkeys(none, 0)}, note="without a number: in no scenario"
+            )
         ]
     plain = {word: count for word, count in counts.items() if ":" not in word}
     typed = next((word for word in counts if ":" in word), "")
@@ -140,7 +142,9 @@ def _obstacles(connection: sqlite3.Connection, numbers: frozenset[int], whole: b
     none = [kind for kind in OBSTACLE_TYPES if kind not in counts]
     if whole:
         counts |= dict.fromkeys(none, 0)
-    note = "scenarios with at least one" + (f"; {counted(len(none), 'type')} in no scenario" if none and not whole else "")
+    note = "scenarios with at least one" + (
+        f"; {counted(len(none), 'type')} in no scenario" if none and not whole else ""
+    )
     return [FacetCounts(facet="obstacles", counts=counts, note=note)]
 
 

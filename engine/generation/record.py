@@ -222,8 +222,8 @@ def density_notes(density: DensityFacts, demand: Demand, realised: int) -> list[
     if abs(reached - target) > MISSED_BY * target:
         side = "higher" if reached > target else "lower"
         notes.append(
-            f"{side} than the requested {density.requested}: {reached:g} vehicles per lane-km at the start instead of {target:g}, "
-            f"because {_miss_reason(density, demand, too_many=reached > target)}"
+            f"{side} than the requested {density.requested}: {reached:g} vehicles per lane-km at the start instead of "
+            f"{target:g}, because {_miss_reason(density, demand, too_many=reached > target)}"
         )
     return notes
 

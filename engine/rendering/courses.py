@@ -136,9 +136,8 @@ def terms(runs: RunSet) -> Drawing:
     )
     mean = {name: float(row[:-1].mean()) for name, row in zip(names, parts, strict=True)}
     shares = ", ".join(f"{name} {value:.0f}%" for name, value in sorted(mean.items(), key=lambda one: -one[1])[:4])
-    text = (
-        f"Cost terms of {record.run_id} over {times[-1]:.1f} s; mean shares: {shares}. Marked: {_describe_marks(marks)}."
-    )
+    headline = f"Cost terms of {record.run_id} over {times[-1]:.1f} s; mean shares: {shares}"
+    text = f"{headline}. Marked: {_describe_marks(marks)}."
     return Drawing(figure, text, _others_left_out(len(priced)))
 
 

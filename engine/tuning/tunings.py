@@ -182,9 +182,14 @@ _COST_WEIGHTS = (
         "ours",
     ),
     Weight("velocity_offset", "norm of speed − desired speed", "closer to the desired speed", "core"),
-    Weight("velocity", "|mean speed − speed that reaches the goal in time|", "arrival closer to the goal's time", "ours"),
     Weight(
-        "distance_to_reference_path", "norm of the offset over the candidate's second half", "closer to the path", "core"
+        "velocity", "|mean speed − speed that reaches the goal in time|", "arrival closer to the goal's time", "ours"
+    ),
+    Weight(
+        "distance_to_reference_path",
+        "norm of the offset over the candidate's second half",
+        "closer to the path",
+        "core",
     ),
     Weight(
         "distance_to_obstacles",
@@ -259,7 +264,9 @@ _CHANNELS = (
     Weight("distance_to_reference_path_final", "final offset from the path / 3 m", "ends closer to the path", "ours"),
     Weight("velocity_offset_final", "(final − desired speed)² / (5 m/s)²", "closer to the desired speed", "ours"),
     Weight("orientation_offset", "mean (heading − path)² / (0.5 rad)²", "heading closer to the path's", "ours"),
-    Weight("orientation_offset_final", "final (heading − path)² / (0.5 rad)²", "final heading closer to the path's", "ours"),
+    Weight(
+        "orientation_offset_final", "final (heading − path)² / (0.5 rad)²", "final heading closer to the path's", "ours"
+    ),
     Weight(
         "prediction", "Σ 1 / Mahalanobis distance² to predicted road users", "farther from predicted motion", "ours"
     ),
@@ -345,12 +352,7 @@ _FISS_WEIGHTS = (
     _parameter("desired_gap_m", "desired gap at standstill, m", "stops farther behind others", "core", 0.1, 30.0),
     _parameter("desired_headway_s", "desired time gap ahead, s", "larger following distance", "core", 0.0, 10.0),
     _parameter(
-        "desired_time_to_collision_s",
-        "desired time to collision, s",
-        "earlier slowing for others",
-        "core",
-        0.1,
-        30.0,
+        "desired_time_to_collision_s", "desired time to collision, s", "earlier slowing for others", "core", 0.1, 30.0
     ),
     _parameter("desired_clearance_m", "desired lateral gap, m", "passes others farther away", "core", 0.1, 10.0),
     _parameter(

@@ -261,7 +261,11 @@ class OptimizePlannerResult(Result):
         """Return what was found and whether it holds on unseen scenarios."""
         if self.study is None:
             found = [] if self.best_so_far is None else [f"Best so far: {self.best_so_far}."]
-            return Answer(f"{self.job_id}: {self.state}{self.message and f'; {self.message}' or '.'}", decided=found, next_step=self.next_step)
+            return Answer(
+                f"{self.job_id}: {self.state}{f'; {self.message}' if self.message else '.'}",
+                decided=found,
+                next_step=self.next_step,
+            )
         study = self.study
         notes = [f"Note: {note}" for note in study.notes]
         notes += [] if study.world.is_perfect else [f"World of the runs: {study.world.in_words()}."]
