@@ -134,7 +134,7 @@ class Prevention(Model):
         at_start = "; if a driver takes over at the start,"
         yes, no = self._from_start(prevents=True), self._from_start(prevents=False)
         if not yes:
-            return f"{at_start} none prevents it"
+            return f"{at_start} no reference driver prevents it"
         if not no:
             return f"{at_start} all prevent it"
         driven = [word for name, word in _DRIVERS_IN_SHORT.items() if name in yes]

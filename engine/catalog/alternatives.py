@@ -180,7 +180,7 @@ def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: Emptied
     *others, last = (constraint.label for constraint in reason.constraints)
     names = f"{', '.join(others)} and {last}" if others else last
     if reason.together:
-        return f"each of {names} holds for some of the {len(entering):,} candidates, but none meets all"
+        return f"each of {names} holds for some of the {len(entering):,} candidates, but no candidate meets all"
     alternatives = [_alternatives(connection, constraint, funnel, entering) for constraint in reason.constraints]
     existing = "; ".join(values for values in alternatives if values)
     return f"0 of {len(entering):,} candidates have {names}" + (f"; available {existing}" if existing else "")
