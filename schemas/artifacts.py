@@ -12,7 +12,7 @@ from .jobs import JobState
 from .planning import PlannerConfiguration
 from .results import Rate
 from .runs import LostCell, Prediction, RunRecord, ScenarioSource, Traffic
-from .text import counted, printable, shown_name
+from .text import counted, plural, printable, shown_name
 from .worlds import PERFECT_NAME
 
 RESOURCE_SCHEME = "plannerforge://"
@@ -112,13 +112,17 @@ class ListedArtifact(Model):
         who = self.artifact_id if stated else f"{self.kind} {self.artifact_id}"
         if self.batch is not None:
             return f"{who}, {self.made_at}: {self.batch.in_words()}"
-        name = f" ({shown_name(self.name)})" if self.name and self.name != self.artifact_id else ""
+        shown = self.name if self.kind == "job" else shown_name(self.name)  # a job's name is its state, in our words
+        name = f" ({shown})" if self.name and self.name != self.artifact_id else ""
         more = len(self.parents) - _MOST_PARENTS
         rest = f" and {more} more" if more > 0 else ""
         parents = f" from {', '.join(self.parents[:_MOST_PARENTS])}{rest}" if self.parents else ""
-        return f"{who}{name} by {self.made_by}{parents}, {self.made_at}"
+        made_by = _MADE_WITHOUT_TOOL.get(self.made_by, f" by {self.made_by}")
+        return f"{who}{name}{made_by}{parents}, {self.made_at}"
 
 
+_MADE_WITHOUT_TOOL = {"starter": " from the starter set", "preset": ", a preset"}
+"""Sources of artifacts that no tool made, in words."""
 _MOST_PARENTS = 4
 """How many parents the line of an artifact shows (chosen)."""
 _MADE_WITH: Mapping[str, str] = {
@@ -149,7 +153,7 @@ class ListArtifactsResult(Result):
         if not self.artifacts:
             following = _MADE_WITH.get(self.kind or "", "generate_scenarios, find_scenarios or import_files")
             what = "imported map" if self.kind == "map" else self.kind or "artifact"
-            missing = f"No {what} has these properties." if self.is_filtered else f"There is no {what} yet."
+            missing = f"No {what} has these properties." if self.is_filtered else f"There are no {plural(what)} yet."
             return Answer(missing, next_step="leave out text and parent" if self.is_filtered else following)
         lines = [item.in_words() for item in self.artifacts]
         rated = sum(item.batch is not None for item in self.artifacts)

@@ -237,9 +237,10 @@ class FindScenariosResult(Result):
             ]
         for relaxation in self.relaxations:
             shown, count = ", ".join(relaxation.examples), relaxation.matches
-            drop = " and ".join(relaxation.drop)
+            *others, last = relaxation.drop
+            drop = f"{', '.join(others)} and {last} are" if others else f"{last} is"
             more = f" and {count - len(relaxation.examples)} more" if count > len(relaxation.examples) else ""
-            lines.append(f"Without {drop}, {count} {'matches' if count == 1 else 'match'}: {shown}{more}")
+            lines.append(f"If {drop} dropped, {count} {'matches' if count == 1 else 'match'}: {shown}{more}")
         if self.fallback:
             lines.append("Nearest non-matches, with the conditions that they fail:")
             lines += [_line(scenario, requested) for scenario in self.fallback]

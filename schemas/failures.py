@@ -259,7 +259,7 @@ class FindFailuresResult(Result):
         search = self.search
         if search is None:
             return Answer(
-                f"{self.job_id}: {self.state}{f'; {self.message}' if self.message else ''}", next_step=self.next_step
+                f"{self.job_id}: {self.state}{f'; {self.message}' if self.message else '.'}", next_step=self.next_step
             )
         found = counted(len(search.failures), "distinct failure")
         other = (

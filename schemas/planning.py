@@ -265,7 +265,7 @@ class ListPlannersResult(Result):
         lines.append(f"Weights of {owner}{usual}")
         for item in acting:
             ranged = "" if (item.lowest, item.highest) == (0, 1e6) else f" ({item.lowest:g} to {item.highest:g})"
-            lines.append(f"  {item.name}={item.value:g}{ranged}: {item.meaning}; raising: {item.raising}")
+            lines.append(f"  {item.name}={item.value:g}{ranged}: {item.meaning}; higher: {item.raising}")
         intents = [
             f"{preset.name}{f' or {preset.short_name}' if preset.short_name != preset.name else ''} ({preset.intent})"
             for preset in self.presets
@@ -335,7 +335,7 @@ class RunPlannerArguments(Arguments):
     scenarios: list[str] = Field(
         ["latest"],
         min_length=1,
-        description="scenario ids (ID#problem), a search id (all hits; search:latest), preset:N",
+        description="scenario ids or ID#problem, a search id or search:latest (all hits), preset:N",
     )
     configs: list[str] = Field(["current"], min_length=1, description="config ids, PLANNER[:PRESET]")
     prediction: Prediction = "constant_velocity"

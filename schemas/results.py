@@ -304,13 +304,18 @@ class CollisionCauses(Model):
             count = f"{self.unpreventable_share.in_words()}{some}"
             without = f"; without such runs, goal about {_estimate(left)}" if without and left is not None else ""
         made = "; collisions caused by the ego are not counted" if "ego" in self.laid_to else ""
-        drivers = f" ({REFERENCE_DRIVERS_DO}; in control in the encounter or from the start{made})"
+        drivers = f" ({REFERENCE_DRIVERS_DO}; taking over mid-run or at the start{made})"
         none = f"; no reference driver prevents {count}{drivers if self.not_preventable else ''}" if self.judged else ""
         if none and not self.not_preventable and not self.is_sample:
             caused = "the ego caused, or " if made else ""
             none = f"; {caused}a reference driver prevents{',' if made else ''} {self.judged} of {self.judged}{some}"
-        counts = ", ".join(f"{count} to {COLLISION_CAUSES[cause]}" for cause, count in self.laid_to.items())
-        summary = f"{kinds}{f'; attributed: {counts}' if counts else ''}{none}{without}."
+        counts = [f"{count} to {COLLISION_CAUSES[cause]}" for cause, count in self.laid_to.items()]
+        laid_to = (
+            f"; {counts[0].replace(' ', ' attributed ', 1)}{''.join(f', {one}' for one in counts[1:])}"
+            if counts
+            else ""
+        )
+        summary = f"{kinds}{laid_to}{none}{without}."
         sample = f"In a random {self.looked_at} of {self.collisions} collisions: " if self.is_sample else ""
         return f"{sample or 'Collisions: '}{summary}{self._examples()}"
 
@@ -803,7 +808,7 @@ def _rules(result: AnalyzeResultsResult) -> list[str]:
             if one.robustness is not None and not one.violated
         ]
         absent = [f"{one.rule} {one.name}" for one in result.rules if one.robustness is None]
-        lines += [f"- kept: {', '.join(kept)}"] if kept else []
+        lines += [f"- complied with: {', '.join(kept)}"] if kept else []
         lines += [f"- not applicable: {', '.join(absent)}"] if absent else []
         return ["Traffic rules:", *lines] if lines else ["Traffic rules: no rule could be judged."]
     several = len({one.config_id for one in result.rule_shares}) > 1
@@ -921,4 +926,4 @@ def _listed(ids: Iterable[str], most: int, count: int | None = None) -> str:
     """Return the first ids and the number of the others; ``count`` counts all if ``ids`` is only the first of them."""
     all_ids = list(ids)
     more = (len(all_ids) if count is None else count) - len(all_ids[:most])
-    return " ".join(all_ids[:most]) + (f" +{more}" if more > 0 else "")
+    return ", ".join(all_ids[:most]) + (f" and {more} more" if more > 0 else "")

@@ -26,7 +26,7 @@ ContactKind = Literal[
     "unclear",
 ]
 """Who hit whom, and from where; ``docs/runs.md`` states the rules."""
-_KINDS = {"rear_end_by_ego": "rear-end by the ego", "rear_end_by_other": "rear-end by another"}
+_KINDS = {"rear_end_by_ego": "rear-end by the ego", "rear_end_by_other": "rear-end by another vehicle"}
 BodySide = Literal["front", "rear", "left", "right"]
 """A side of a road user, as its driver sees it."""
 RelativeHeading = Literal["same", "oncoming", "crossing"]
@@ -88,7 +88,7 @@ class Prevention(Model):
 
     @property
     def possible(self) -> bool:
-        """Whether a reference driver prevents the collision, in the encounter or from the start."""
+        """Whether a reference driver prevents the collision if it takes over mid-run or at the start."""
         by_driver = self.by_careful_driver or self.by_rss or self.by_fuzzy_driver
         return self.by_braking_until_s is not None or by_driver or bool(self._from_start(prevents=True))
 
@@ -108,38 +108,40 @@ class Prevention(Model):
     def in_words(self) -> str:
         """Return as text which drivers prevent the collision, from which start, and how late they still can."""
         until = self.by_steering_until_s
-        aside = "" if until is None else f"; swerving as late as {until:.1f} s prevents it"
+        braking = self.by_braking_until_s
+        aside = "" if until is None else f"; swerving no later than {until:.1f} s prevents it"
         if not self.possible:
-            starts = " or from the start" if self.drivers else ""
-            return f"no reference driver prevents it, in the encounter{starts} ({REFERENCE_DRIVERS_DO}){aside}"
-        prevents = (
-            [] if self.by_braking_until_s is None else [f"full braking (as late as {self.by_braking_until_s:.1f} s)"]
-        )
-        prevents += [] if until is None else [f"swerving (as late as {until:.1f} s)"]
+            starts = ", whether it takes over mid-run or at the start" if self.drivers else ""
+            return f"no reference driver prevents it{starts} ({REFERENCE_DRIVERS_DO}){aside}"
+        prevents = [] if braking is None else [f"full braking (no later than {braking:.1f} s)"]
+        prevents += [] if until is None else [f"swerving (no later than {until:.1f} s)"]
         prevents += self._drivers(prevents=True)
         is_r157_named = self.by_careful_driver or self.by_fuzzy_driver
-        if self.by_braking_until_s is None and not self._drivers(prevents=True):
-            none = "no reference driver prevents it in the encounter"
+        if braking is None and not self._drivers(prevents=True):
+            none = "no reference driver that takes over mid-run prevents it"
             return f"{none} ({REFERENCE_DRIVERS_DO}){aside}{self._start_in_words()}"
         others = self._drivers(prevents=False, short=is_r157_named)
         others += ["swerving"] if self.steering_tried and until is None else []
-        without = f", but not by {_listed(others, 'or')}" if others else ""
-        return f"in the encounter, preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"
+        verb = "prevents" if _is_singular(prevents) else "prevent"
+        without = f", but {_listed(others, 'and')} {'does' if _is_singular(others) else 'do'} not" if others else ""
+        by = f"{_listed(prevents, 'and')} {verb} it"
+        return f"if a reference driver takes over mid-run, {by}{without}{self._start_in_words()}"
 
     def _start_in_words(self) -> str:
         """Return which drivers prevent the collision from the start, as text; empty for runs of older versions."""
         if not self.drivers:
             return ""
+        at_start = "; if a driver takes over at the start,"
         yes, no = self._from_start(prevents=True), self._from_start(prevents=False)
         if not yes:
-            return "; if in control from the start, no driver prevents it"
+            return f"{at_start} no reference driver prevents it"
         if not no:
-            return "; if in control from the start, all drivers prevent it"
+            return f"{at_start} all prevent it"
         driven = [word for name, word in _DRIVERS_IN_SHORT.items() if name in yes]
         named = [f"the {_listed(driven, 'and')} driver{'s' * (len(driven) > 1)}"] if driven else []
         listed = [*(words for name, words in _MANOEUVRES.items() if name in yes), *named]
         verb = "prevent" if len(yes) > 1 else "prevents"
-        return f"; if in control from the start, {_listed(listed, 'and')} {verb} it"
+        return f"{at_start} {_listed(listed, 'and')} {verb} it"
 
     def _from_start(self, *, prevents: bool) -> list[ReferenceDriverName]:
         """Return the reference drivers that do or do not prevent the collision from the start; steering is left out."""
@@ -167,6 +169,11 @@ _MANOEUVRES: dict[ReferenceDriverName, str] = {"full_braking": "full braking", "
 def _listed(parts: Sequence[str], conjunction: str) -> str:
     """Return text such as ``a, b and c``."""
     return f" {conjunction} ".join([*([", ".join(parts[:-1])] if parts[:-1] else []), parts[-1]])
+
+
+def _is_singular(parts: Sequence[str]) -> bool:
+    """Return whether a list of drivers and manoeuvres takes a singular verb."""
+    return len(parts) == 1 and not parts[0].endswith("drivers")
 
 
 PaceCode = Literal[
@@ -319,7 +326,7 @@ class Sight(Model):
     since_s: float | None = Field(description="since when it got it up to the contact; null if it did not")
 
     def in_words(self, other: str, time_s: float) -> str:
-        """Return text such as ``bicycle 3074 was hidden by truck 12 until 1.2 s before; first seen at 4.3 s``."""
+        """Return text such as ``bicycle 3074 was hidden by truck 12 until 1.2 s before the contact (occluded); …``."""
         hider = "other bodies" if self.by is None else f"{self.by_class} {self.by}".strip()
         texts: dict[SightCode, str] = {
             "seen": f"{other} was reported",
@@ -333,7 +340,8 @@ class Sight(Model):
         until = (
             "up to the contact" if self.since_s is None else f"until {time_s - self.since_s:.1f} s before the contact"
         )
-        first = "never seen" if self.first_s is None else f"first seen at {self.first_s:.1f} s"
+        lost = "" if self.first_s == self.since_s else ", then lost"
+        first = "never seen" if self.first_s is None else f"first seen at {self.first_s:.1f} s{lost}"
         return f"{texts[self.code]} {until} ({self.code}); {first}"
 
 
@@ -398,7 +406,8 @@ class Contact(Model):
         if self.fault is not None:
             judged += f"; attributed to {self.fault.in_words()}"
         elif self.laid_to is not None:
-            judged += f"; attributed to {COLLISION_CAUSES[self.laid_to]}"
+            follows = f", in which {self.other} cannot react" if self.laid_to == "recording" else ""
+            judged += f"; attributed to {COLLISION_CAUSES[self.laid_to]}{follows}"
         if self.unforeseen:
             judged += f"; unforeseen: the prediction 1 s earlier left them {self.predicted_gap_m:.1f} m apart"
         if self.sight is not None:

@@ -353,7 +353,7 @@ class DescribedMotion(Model):
         did = [f"- {_span_s(event)} s: {event.words}" for event in self.events]
         moments = [
             f"- {one.time_s:g} s: {one.speed_mps:.1f} m/s, {signed(one.acceleration_mps2)} m/s², "
-            + (f"lanelet {one.lanelet}" if one.lanelet is not None else "on no lanelet")
+            + (f"lanelet {one.lanelet}" if one.lanelet is not None else "off the lanelets")
             + (f", follows {one.leader}, gap {one.gap_m:.1f} m" if one.gap_m is not None else "")
             for one in self.moments
         ]
@@ -500,7 +500,7 @@ class DescribeScenarioResult(Result):
         several = f"{counted(total, 'other road user')} ({kinds})" if len(self.counts) > 1 else kinds
         traffic = several if total else "no traffic"
         decided = [f"Tags: {', '.join(self.tags) or 'none'}. Features: {', '.join(self.features) or 'none'}."]
-        decided += [f"On the ego's lane: {', '.join(self.signs)}."] if self.signs else []
+        decided += [f"On the ego's lane: {', '.join(self.signs).replace('_', ' ')}."] if self.signs else []
         decided += self._conditions()
         decided.append(ego_text(shown.ego) if shown.ego else "No planning problem, so no ego.")
         if self.other_problems:
@@ -615,7 +615,7 @@ def _vehicle(vehicle: DescribedVehicle, focus: DescribedFocus | None) -> str:
 def _vehicle_in_words(vehicle: DescribedVehicle, away: str = "", place: str = ": ") -> str:
     """Return the type, position relative to the ego, speed, gap and lanelet of a vehicle."""
     gap = f", gap {vehicle.gap_m:.1f} m" if vehicle.gap_m is not None else ""
-    lanelet = f", lanelet {vehicle.lanelet}" if vehicle.lanelet is not None else ", on no lanelet"
+    lanelet = f", lanelet {vehicle.lanelet}" if vehicle.lanelet is not None else ", off the lanelets"
     when = f", from {vehicle.from_s:g} s" if vehicle.from_s > 0 else ""
     shown_speed = f"{vehicle.speed_mps:.1f}"
     speed = f", {'0' if shown_speed == '0.0' else shown_speed} m/s" if vehicle.moves else ", standing"

@@ -188,13 +188,16 @@ def enumerated(names: Sequence[str]) -> str:
 
 def counted(count: int, noun: str) -> str:
     """Return a number with its noun, such as ``16 buses``; obstacle types of two words are split."""
+    return f"1 {class_noun(noun)}" if count == 1 else f"{count:,} {plural(noun)}"
+
+
+def plural(noun: str) -> str:
+    """Return the plural of a noun, such as ``buses``; obstacle types of two words are split."""
     words = class_noun(noun)
-    if count == 1:
-        return f"1 {words}"
     words, of, kind = words.partition(" of ")
-    ending = "es" if words.endswith(("s", "x", "ch", "sh")) else "s"
-    is_regular = not (words.endswith("y") and words[-2:-1] not in "aeiou")
-    return f"{count:,} {words}{ending}{of}{kind}" if is_regular else f"{count:,} {words[:-1]}ies{of}{kind}"
+    if words.endswith("y") and words[-2:-1] not in "aeiou":
+        return f"{words[:-1]}ies{of}{kind}"
+    return f"{words}{'es' if words.endswith(('s', 'x', 'ch', 'sh')) else 's'}{of}{kind}"
 
 
 _LONGEST_NUMBER = 1e7

@@ -112,7 +112,12 @@ def _shaped(result: Result | ImageAnswer, call: ToolCall) -> CallToolResult:
     remarks = [*call.remarks, *_imported_in(content_text, call)]
     if isinstance(result, ImageAnswer):
         shown, left_out = _shown_images(result, min(call.most_image_bytes, MOST_IMAGE_BYTES))
-        notes = [f"Note: too large for this answer; open their links: {left_out}"] if left_out else []
+        large = (
+            "1 image is too large to embed; open its"
+            if left_out == 1
+            else f"{left_out} images are too large; open their"
+        )
+        notes = [f"Note: {large} link{'s' * (left_out > 1)}"] if left_out else []
         text = _bounded(printable("\n".join([content_text, *notes, *remarks])))
         blocks: list[ContentBlock] = [TextContent(type="text", text=text), *shown]
         links = map(_as_link, result.links if call.services.links else ())

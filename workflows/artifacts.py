@@ -40,9 +40,9 @@ _MOST_NAMED = 100
 """How many of a token's latest jobs are searched for running ones (chosen)."""
 _NEXT_AFTER = {
     "import": "search with find_scenarios, or list the imported files with list_artifacts",
-    "exploration": "repeat the call of find_failures to get its failures",
-    "study": "repeat the call of optimize_planner to get the study",
-    "trial": "repeat the call of analyze_results to get its result",
+    "exploration": "repeat the find_failures call to get its failures",
+    "study": "repeat the optimize_planner call to get the study",
+    "trial": "repeat the analyze_results call to get its result",
 }
 """The next step after a job of each kind that is done."""
 
@@ -312,7 +312,7 @@ def _next_step(job: Job, context: WorkflowContext) -> str:
         is_empty = not PlanRows(context.workspace.database, plan_id).counts().made
         return "repeat the call for the reasons" if is_empty else f"run_planner with scenarios ['{plan_id}']"
     if job.kind == "boundary" and job.results:
-        return f"render ids ['{job.results[-1]}'], or repeat explore_boundary for the shares"
+        return f"render ids ['{job.results[-1]}'], or repeat explore_boundary for the safe and unsafe shares"
     batches = _batches(job)
     if batches and job.kind == "batch":
         return after_batch(batches[-1], [key for key in job.recipe.parents if key.startswith("cfg_")])

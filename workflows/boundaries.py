@@ -130,7 +130,7 @@ async def explore_boundary(arguments: ExploreBoundaryArguments, context: Workflo
         own.workspace.put("boundary", record.boundary_id, recipe=recipe, record=record, name=name)
         progress.add_result(record.boundary_id)
         (own.workspace.root / EXPLORED_FOLDER / f"{recipe.digest}.jsonl").unlink(missing_ok=True)
-        progress.report(1.0, f"mapped; render {record.boundary_id}")
+        progress.report(1.0, "boundary mapped")
 
     job = context.start_job("boundary", recipe, work)
     context.made("job", job.job_id)

@@ -256,7 +256,7 @@ def _maps(maps: Sequence[MapFacts], arguments: DescribeCatalogArguments, context
     notes = [
         f"by country; {counted(sites, 'site')}",
         *([f"{counted(hidden, 'more country')}"] if hidden > 0 else []),
-        *(["facet=maps lists all"] if arguments.facet == "all" else []),
+        *(["all: facet=maps"] if arguments.facet == "all" else []),
         *inventory_of_read_maps(context).notes,
     ]
     return FacetCounts(facet="maps", counts=shown if arguments.facet == "all" else countries, note="; ".join(notes))
@@ -273,9 +273,11 @@ def _planners() -> FacetCounts:
         others = [preset for preset in tuning_of(name).presets if preset != "Default"]
         if others:
             planners_of.setdefault(", ".join(others), []).append(name)
-    presets = "; ".join(f"{', '.join(names)} also {presets}" for presets, names in planners_of.items())
+    presets = "; ".join(f"of {', '.join(names)}: {presets}" for presets, names in planners_of.items())
     counts = dict.fromkeys(planner_names(), 0)
-    return FacetCounts(facet="planners", counts=counts, note=f"write PLANNER:PRESET; each has Default; {presets}")
+    return FacetCounts(
+        facet="planners", counts=counts, note=f"write PLANNER:PRESET; presets of all: Default; {presets}"
+    )
 
 
 async def find_scenarios(arguments: FindScenariosArguments, context: WorkflowContext) -> FindScenariosResult:

@@ -24,7 +24,7 @@ from ..engine.workspace import ARTIFACT_KINDS, Artifact, ArtifactKind, Recipe, W
 from ..schemas.catalog import PACKAGED_MODEL
 from ..schemas.errors import OutsideRoots, UnknownName, calling, instead, misspelt
 from ..schemas.maps import MapServices
-from ..schemas.text import quoted
+from ..schemas.text import plural, quoted
 
 MadeKind = ArtifactKind | Literal["job"]
 _MOST_RECENT = 1_000
@@ -182,7 +182,7 @@ class WorkflowContext:
     def remark_source(self, kind: MadeKind, made_id: str, owner: str = "the workspace's") -> None:
         """Add a remark, once for each kind, that a word refers to something from outside this session."""
         if self.services.recent.is_first_report(kind):
-            self.remarks.append(f"This session has no {kind} yet, so {owner} newest one, {made_id}, is used.")
+            self.remarks.append(f"This session has no {plural(kind)} yet, so {owner} newest one, {made_id}, is used.")
 
     def artifact(self, word: str, kind: ArtifactKind) -> Artifact:
         """Return the artifact with this id; ``latest`` means the client's newest artifact of this kind.

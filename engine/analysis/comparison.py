@@ -35,7 +35,7 @@ from ...schemas.measures import metric_words
 from ...schemas.planning import PlannerSettings
 from ...schemas.results import ConfigWeights, MetricName
 from ...schemas.runs import Lineage, RunRecord, configuration_id
-from ...schemas.text import figure, measured, p_figure, p_in_words
+from ...schemas.text import counted, figure, measured, p_figure, p_in_words
 from ..execution import ProgressReporter
 from .moments import contact_of, review
 from .run_set import METRICS, MetricSpec, RunSet, reached_goal
@@ -700,7 +700,7 @@ def _about_success(code: HeadlineCode, test: SuccessTest) -> str:
 def _flipped(test: SuccessTest) -> str:
     """Return text such as ``3 of 4 pairs flipped to success, 1 to failure``, or that no pair flipped."""
     if test.only_after == test.only_before == 0:
-        return f"0 of {test.pairs} pairs flipped"
+        return f"success differs in 0 of {counted(test.pairs, 'pair')}"
     if test.only_after == 0:
         return f"{test.only_before} of {test.pairs} pairs flipped to failure"
     back = f", {test.only_before} to failure" if test.only_before else ""

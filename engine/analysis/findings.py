@@ -176,8 +176,8 @@ def _unforeseen(evidence: Evidence) -> Iterator[Finding]:
     yield Finding(
         name="unforeseen",
         statement=(
-            f"In {len(missed)} of {len(known)} collisions that the ego could have prevented, the other vehicle moved "
-            f"differently than predicted 1 s earlier; had it moved as predicted, the gap would have been "
+            f"In {len(missed)} of {len(known)} collisions that the ego could have prevented, the other vehicle did not "
+            f"move as predicted 1 s earlier; if it had, the gap would have been "
             f"{median(gaps):.1f} m (median){evidence.among_hits}."
         ),
         figures={"runs": len(missed), "of": len(known), "median_gap_m": median(gaps), **evidence.sampled_hits},

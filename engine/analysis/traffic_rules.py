@@ -318,7 +318,7 @@ TRAFFIC_RULES: tuple[TrafficRule, ...] = (
         _red_light,
     ),
     TrafficRule(
-        "R_IN3", "right before left", "s", f"{_CROSSINGS}; StVO § 8(1)", _CLEAR, _yielding("right before left")
+        "R_IN3", "priority to the right", "s", f"{_CROSSINGS}; StVO § 8(1)", _CLEAR, _yielding("right before left")
     ),
     TrafficRule("R_IN4", "priority by signs", "s", f"{_CROSSINGS}; StVO § 8(1)", _CLEAR, _yielding("signs")),
     TrafficRule(

@@ -181,12 +181,13 @@ _LETTERS = 5
 def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: EmptiedBy) -> str:
     """Return a note on the conditions that left no candidate, and on the values that the candidates have instead."""
     entering = funnel.entering()
-    names = ", ".join(constraint.label for constraint in reason.constraints)
+    *others, last = (constraint.label for constraint in reason.constraints)
+    names = f"{', '.join(others)} and {last}" if others else last
     if reason.together:
-        return f"some of the {len(entering)} candidates satisfy each of {names}, but no candidate satisfies all"
+        return f"each of {names} holds for some of the {len(entering):,} candidates, but no candidate meets all"
     alternatives = [_alternatives(connection, constraint, funnel, entering) for constraint in reason.constraints]
     existing = "; ".join(values for values in alternatives if values)
-    return f"0 of {len(entering):,} candidates satisfy {names}" + (f"; available {existing}" if existing else "")
+    return f"0 of {len(entering):,} candidates have {names}" + (f"; available {existing}" if existing else "")
 
 
 def _alternatives(connection: sqlite3.Connection, constraint: Constraint, funnel: Funnel, entering: EntrySet) -> str:
@@ -208,6 +209,10 @@ def _alternatives(connection: sqlite3.Connection, constraint: Constraint, funnel
     return _nearest(what, constraint, {round(value, 1) for value in present if value < NEVER_S})
 
 
+_UNITS = {"ttc": "s", "horizon": "s", "density": "vehicles/km"}
+"""The units of the measures."""
+
+
 def _column(constraint: Constraint) -> tuple[str, str]:
     """Return the subject of a condition on a number, in words, and its column."""
     if constraint.stage == "velocity":
@@ -216,7 +221,7 @@ def _column(constraint: Constraint) -> tuple[str, str]:
         return "lanes", "lanes"
     if constraint.subject == PARTICIPANTS:
         return f"numbers of {PARTICIPANTS}", "size"
-    return constraint.subject, MEASURE_COLUMNS[constraint.subject]
+    return f"{constraint.subject} in {_UNITS[constraint.subject]}", MEASURE_COLUMNS[constraint.subject]
 
 
 def _counts(connection: sqlite3.Connection, constraint: Constraint, funnel: Funnel, entering: EntrySet) -> str:

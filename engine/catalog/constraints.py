@@ -176,7 +176,7 @@ def _resolve(argument: str, with_circumstances: bool, text: str) -> Constraint:
             except (UnknownName, InvalidRequest):
                 continue
             among = other.replace("|", " and ")
-            note = f"'{one_line(_parse_name(text))}' is not {_WORD_NAMES[argument]}; searched among {among}."
+            note = f"'{one_line(_parse_name(text))}' is not {_WORD_NAMES[argument]}; it was looked up among {among}."
             return replace(found, note=f"{note} {found.note}".strip())
         raise
 

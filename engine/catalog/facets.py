@@ -58,7 +58,7 @@ def _places(pairs: list[tuple[str, str]], whole: bool) -> list[FacetCounts]:
     invented = len({pair for pair in pairs if not is_place(*pair)})
     notes = [
         *(["only those of scenarios; facet=maps lists those of maps"] if whole else []),
-        *([f"{hidden} more with facet places"] if hidden else []),
+        *([f"{hidden} more: facet=places"] if hidden else []),
         *([f"{counted(invented, 'invented name')} left out"] if invented else []),
     ]
     note = "; ".join(notes)
@@ -81,13 +81,14 @@ def _words(
             FacetCounts(
                 facet=facet,
                 counts={**counts, **dict.fromkeys(none, 0)},
-                note="; ".join(["no number: valid, but unused", *_meanings(kind, counts)]),
+                note="; ".join(["without a number: in no scenario", *_meanings(kind, counts)]),
             )
         ]
     plain = {word: count for word, count in counts.items() if ":" not in word}
+    typed = next((word for word in counts if ":" in word), "")
     notes = [
-        *([f"unused: {', '.join(none)}"] if none else []),
-        *(["also as WORD:TYPE"] if len(plain) < len(counts) else []),
+        *([f"narrowed to a type of road user: {typed}"] if typed else []),
+        *([f"in no scenario: {', '.join(none)}"] if none else []),
     ]
     return [FacetCounts(facet=facet, counts=plain, note="; ".join(notes))]
 
@@ -101,7 +102,7 @@ def _meanings(kind: str, present: Iterable[str]) -> list[str]:
 def _circumstances(connection: sqlite3.Connection, numbers: frozenset[int]) -> list[FacetCounts]:
     """Return counts of weather and times of day, if any scenario states them."""
     (facet,) = _words(connection, CIRCUMSTANCE, [], numbers, CIRCUMSTANCE_WORDS, whole=False)
-    return [facet.model_copy(update={"note": "searched with tags"})] if facet.counts else []
+    return [facet.model_copy(update={"note": "use them in tags"})] if facet.counts else []
 
 
 def _road_net(
@@ -118,7 +119,8 @@ def _road_net(
     limits = connection.execute("SELECT kmh, number FROM catalog_limits WHERE scope = 'ego'").fetchall()
     posted = _counted([f"{row[0]:g}" for row in limits if row[1] in numbers])
     with_limit = len({row[1] for row in limits if row[1] in numbers})
-    note = "on the ego's lane; @map: anywhere" + ("" if whole or not none else f"; {counted(len(none), 'key')} unused")
+    note = "on the ego's lane; @map: anywhere on the map"
+    note += "" if whole or not none else f"; {counted(len(none), 'key')} in no scenario"
     shown = {**on_ego, **on_map, **extra} if whole else _first(on_ego, KEYS_SHOWN) | _first(on_map, KEYS_SHOWN)
     limit_note = "; ".join(_about_limits(posted, with_limit, len(posted) if whole else LIMITS_SHOWN))
     posted = posted if whole else _first(posted, LIMITS_SHOWN)
@@ -135,7 +137,7 @@ def _about_limits(posted: dict[str, int], scenarios: int, shown: int) -> Iterato
     if sum(posted.values()) > scenarios:
         yield "a scenario with several limits counts for each"
     if len(posted) > shown:
-        yield f"{counted(len(posted) - shown, 'more limit')} with facet road_net"
+        yield f"{counted(len(posted) - shown, 'more limit')}: facet=road_net"
 
 
 def _first(counts: dict[str, int], shown: int) -> dict[str, int]:
@@ -148,7 +150,9 @@ def _obstacles(connection: sqlite3.Connection, numbers: frozenset[int], whole: b
     none = [kind for kind in OBSTACLE_TYPES if kind not in counts]
     if whole:
         counts |= dict.fromkeys(none, 0)
-    note = "scenarios with at least one" + (f"; {counted(len(none), 'type')} unused" if none and not whole else "")
+    note = "scenarios with at least one" + (
+        f"; {counted(len(none), 'type')} in no scenario" if none and not whole else ""
+    )
     return [FacetCounts(facet="obstacles", counts=counts, note=note)]
 
 

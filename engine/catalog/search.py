@@ -244,13 +244,13 @@ class Search:
         if text.nowhere and (text.alone or few):
             *first, last = (f"'{one_line(word)}'" for word in text.nowhere)
             words = f"{', '.join(first)} and {last}" if first else last
-            verb = "occurs" if len(text.nowhere) == 1 else "occur"
+            verb = "does" if len(text.nowhere) == 1 else "do"
             matched = "results are ranked by semantic similarity"
             if text.alone and self._is_dissimilar(ranking):
                 matched = "the text matches nothing"
             elif self.arguments.sort != "match":
                 matched = f"sort={self.arguments.sort} decides the order"
-            notes.append(f"{words} {verb} in no title, tag, place or description; {matched}.")
+            notes.append(f"{words} {verb} not occur in any title, tag, place or description; {matched}.")
         return notes
 
     def _order_notes(self, found: _Found) -> list[str]:
@@ -379,7 +379,8 @@ class Search:
 
 def _unmet(constraint: Constraint, evidence: str) -> str:
     """Return a condition that a scenario does not meet, with the fact that it checks if this adds anything."""
-    return constraint.label if evidence == f"no {constraint.label}" else f"{constraint.label} ({evidence})"
+    says_so = evidence in (f"no {constraint.label}", f"no {constraint.stage.rstrip('s')} {constraint.label}")
+    return constraint.label if says_so else f"{constraint.label} ({evidence})"
 
 
 def _evidence(constraint: Constraint, facts: ScenarioFacts) -> str:
@@ -420,7 +421,7 @@ def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
 
 def _measure(constraint: Constraint, facts: ScenarioFacts) -> str:
     if constraint.subject == "origin":
-        source = f" ({cited(facts.source, 60)})" if facts.source else ""
+        source = f", by {cited(facts.source, 60)}" if facts.source else ""
         return f"origin {' and '.join(origins_of(facts)) or 'not stated'}{source}"
     if constraint.subject == "horizon":
         return f"horizon {facts.horizon_s:g} s"

@@ -527,8 +527,8 @@ def _check_shifted(simulated: SimulatedEdits) -> None:
         moved = {vehicle: replays[vehicle] for vehicle in simulated.steps[index].vehicles if vehicle in replays}
         steps = round((simulated.edits[index].time_s or 0.0) / step_s)
         raise NotPossible(
-            f"vehicle {key} would start on top of {'the ego' if other == EGO else f'vehicle {other}'} at "
-            f"{replays[key].track.first_step * step_s:.1f} s, where its shifted recording starts",
+            f"vehicle {key} would overlap {'the ego' if other == EGO else f'vehicle {other}'} at "
+            f"{replays[key].track.first_step * step_s:.1f} s, when its shifted recording starts",
             valid=_fitting_times(moved, steps, simulated),
             next_step="choose another time_s, or leave the vehicle out",
         )

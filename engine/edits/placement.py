@@ -292,10 +292,12 @@ def _matching_vehicles(text: str, selector: str, scene: Scene, changes: Changes)
     except InvalidRequest as error:
         known = [*map(str, scene.layout.table.lanes), *scene.layout.edges, "ego", *SELECTORS[1:]]
         near = closest(text, known)
+        bare = text.split()[-1] if text.split() else ""
+        is_id = bare != text and bare in known
         raise UnknownName(
             f"'{text}' is not a lanelet, edge or vehicle",
-            valid=near,
-            next_step="give a lanelet, an edge, the ego, or a vehicle by its id",
+            valid=[bare] if is_id else near,
+            next_step="write only the id" if is_id else "give a lanelet, an edge, the ego, or a vehicle by its id",
             remedies=[*misspelt(text, near, "at"), *([with_values(at="ego")] if scene.ego else []), LANELETS_LISTED],
         ) from error
     return select([selector], scene, changes)

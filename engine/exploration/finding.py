@@ -95,7 +95,10 @@ def open_space(request: SpaceRequest, report: ProgressReporter) -> SearchSpace:
         for number, stratum in enumerate(strata):
             if is_feasible(stratum, evaluator):
                 feasible.append(stratum)
-            report((number + 1) / len(strata), f"checked whether this can happen: {stratum.summary}")
+            report(
+                (number + 1) / len(strata),
+                f"{number + 1} of {len(strata)} manoeuvres checked for feasibility, the last: {stratum.summary}",
+            )
     recorded = tuple(sorted({*loaded.tracks, *scene.standing}))
     return SearchSpace(base=base, strata=tuple(feasible), recorded=recorded, drive=_drive(nominal, vehicle))
 

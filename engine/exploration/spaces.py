@@ -522,7 +522,7 @@ class SpaceBuilder:
         """Return an oncoming car that leaves its lane towards the ego and returns."""
         return self._made(
             "oncoming car comes over",
-            "an oncoming car comes over the middle of the road",
+            "an oncoming car crosses the centre line",
             [
                 _range("meet_s", 2.5, max(self.horizon_s - 0.5, 3.0), "s", summary="when the ego meets it"),
                 _range("speed_mps", 5.0, 14.0, "m/s", base=8.0),

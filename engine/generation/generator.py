@@ -299,7 +299,7 @@ class _Attempts:
         reasons = dict.fromkeys([*faults, *(refusal.message for refusal in self.refusals)])
         passed_over = [f"skipped: {self._lost_sites()}"] if self.lost else []
         noted = {*best.faults, *best.scenario.notes}
-        return [*passed_over, *(f"another attempt was dropped: {reason}" for reason in reasons if reason not in noted)]
+        return [*passed_over, *(f"one attempt was discarded: {reason}" for reason in reasons if reason not in noted)]
 
     def _lost_sites(self) -> str:
         named = [f"{site.kind} at {site.latitude:.5f}, {site.longitude:.5f}" for site in self.lost[:SHOWN_LOST]]
@@ -485,7 +485,7 @@ def _write(
             "the goal takes less than half of the duration: cars leave the map section or turn elsewhere earlier"
         )
     if not task.followable:
-        missed.append("the ego's lanes curve too sharply for a planner at the mean speed that the goal needs")
+        missed.append("the ego's lanes are too tight for the mean speed that the goal's time requires")
         if request.ego.vehicle_class != "car":
             missed[-1] += ", or leave no room for its body"
     # Other traffic may do better beyond the site, and on a requested street, unless the goal itself is at a place.

@@ -217,12 +217,13 @@ def density_notes(density: DensityFacts, demand: Demand, realised: int) -> list[
     """Return notes on the vehicles that found no room and on the reason if the density misses its target."""
     notes = []
     if realised < demand.total:
-        notes.append(f"{realised} of {demand.total} vehicles found room on the roads of the site")
+        notes.append(f"{realised} of {demand.total} vehicles could be placed on the site's roads")
     target, reached = density.target_per_lane_km, density.at_start_per_lane_km
     if abs(reached - target) > MISSED_BY * target:
+        side = "higher" if reached > target else "lower"
         notes.append(
-            f"{density.requested} missed: {reached:g} vehicles per lane-km at the start instead of {target:g}, "
-            f"because {_miss_reason(density, demand, too_many=reached > target)}"
+            f"{side} than the requested {density.requested}: {reached:g} vehicles per lane-km at the start instead of "
+            f"{target:g}, because {_miss_reason(density, demand, too_many=reached > target)}"
         )
     return notes
 

@@ -875,13 +875,13 @@ class SiteFocus:
 
     def missed(self, *, only_car: bool) -> str:
         """Return the note on an ego that passes no area; ``only_car``: no other car could be chosen."""
-        who = "the ego's route to its goal misses" if only_car else "every car's route to its goal misses"
+        who = "the ego's route to its goal does not pass" if only_car else "no car's route to its goal passes"
         return f"{who} {self._name} of the site; a goal farther ahead or another seed may change this"
 
     def left_the_street(self, *, only_car: bool) -> str:
         """Return the note on an ego that leaves the requested street; ``only_car``: no other could be chosen."""
-        who = "the ego's route to its goal" if only_car else "every car's route to its goal"
-        return f"{who} is not on the requested street; another seed or goal may change this"
+        who = "the ego's route to its goal is not" if only_car else "no car's route to its goal is"
+        return f"{who} on the requested street; another seed or goal may change this"
 
     def passed_close_by(self, *, only_car: bool) -> str:
         """Return the note on an ego that passes another junction nearby; ``only_car``: no other car could be chosen."""

@@ -93,14 +93,14 @@ def animate(
     begin, end = steps[0] * view.content.step_s, steps[-1] * view.content.step_s
     text = f"Animation of {view.content.scenario_id} from {begin:.1f} to {end:.1f} s"
     runs = "; ".join(run.label for run in view.paths)
-    kinds = f"; classes of road users: {', '.join(shown.kinds)}" if shown.kinds else ""
+    kinds = f"; road users: {', '.join(shown.kinds)}" if shown.kinds else ""
     slow = ""
     if moment is not None:
-        slow = f" Played at 1/{_SLOWED} of the speed around {moment.step * view.content.step_s:.1f} s: {moment.words}."
+        slow = f" Played at 1/{_SLOWED} speed around {moment.step * view.content.step_s:.1f} s ({moment.words})."
     times = ", ".join(f"{steps[place] * view.content.step_s:.1f}" for place in chosen)
     return (
         image_at(path, frames[0].size, f"{text}, {runs or 'recorded traffic'}{kinds}.{slow}"),
-        image_at(strip_path, strip.size, f"The same scene at {times} s, row by row."),
+        image_at(strip_path, strip.size, f"Still frames at {times} s, row by row."),
     )
 
 

@@ -136,9 +136,8 @@ def terms(runs: RunSet) -> Drawing:
     )
     mean = {name: float(row[:-1].mean()) for name, row in zip(names, parts, strict=True)}
     shares = ", ".join(f"{name} {value:.0f}%" for name, value in sorted(mean.items(), key=lambda one: -one[1])[:4])
-    text = (
-        f"Cost terms of {record.run_id} over {times[-1]:.1f} s: mean shares {shares}. Marked: {_describe_marks(marks)}."
-    )
+    headline = f"Cost terms of {record.run_id} over {times[-1]:.1f} s; mean shares: {shares}"
+    text = f"{headline}. Marked: {_describe_marks(marks)}."
     return Drawing(figure, text, _others_left_out(len(priced)))
 
 
@@ -362,7 +361,7 @@ def _draw_marks(figure: "Figure", panels: Sequence["Axes"], marks: Sequence[_Mar
 
 
 def _describe_marks(marks: Sequence[_Mark]) -> str:
-    return "; ".join(f"{mark.time_s:.1f} s {mark.words}" for mark in marks) or "nothing"
+    return "; ".join(f"{mark.words} at {mark.time_s:.1f} s" for mark in marks) or "nothing"
 
 
 def _failures_first(runs: RunSet) -> list[RunRecord]:

@@ -135,7 +135,7 @@ def _decisive_moment(request: RenderRequest, view: ScenarioView) -> Moment | Non
     if closest is None or closest.gap_m > _DECIDING_GAP_M:
         return None
     step = path.first_step + round(closest.time_s / path.record.step_s)
-    return Moment(step, f"closest, {closest.gap_m:.2f} m to {closest.other} {closest.place}")
+    return Moment(step, f"closest: {closest.gap_m:.2f} m to {closest.other} {closest.place}")
 
 
 def _views(request: RenderRequest, *, most: int) -> tuple[list[ScenarioView], list[str]]:

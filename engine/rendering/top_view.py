@@ -121,9 +121,10 @@ def _alt_text(view: ScenarioView, counts: VehicleCounts) -> str:
     """Describe the picture for viewers who cannot see it."""
     parts = [f"{view.content.scenario_id} from above at {view.time_s:.1f} s: {counts.in_words()}"]
     if counts.labelled:
-        parts.append(f"labels shown for {', '.join(map(str, counts.labelled))}")
+        parts.append(f"labels: {', '.join(map(str, counts.labelled))}")
     if view.paths:
-        parts.append(f"driven paths ({'; '.join(path.label for path in view.paths)})")
+        paths = ", ".join(f"{path.name} ({path.record.outcome.replace('_', ' ')})" for path in view.paths)
+        parts.append(f"driven path{'s' * (len(view.paths) > 1)}: {paths}")
     if view.ego_name != "ego":
         length_m, width_m = view.ego_size_m
         parts.append(f"{view.ego_name} of {length_m:g} × {width_m:g} m")

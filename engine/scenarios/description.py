@@ -240,7 +240,7 @@ def _is_undrivable(scene: Scene, track: Track) -> bool:
 
 
 def _roles(lead: int | None, follow: int | None) -> dict[int, str]:
-    roles = {lead: "nearest ahead along lanelets (selector lead)", follow: "nearest behind (selector follow)"}
+    roles = {lead: "lead vehicle (selector lead)", follow: "follower (selector follow)"}
     return {key: role for key, role in roles.items() if key is not None}
 
 
@@ -426,8 +426,8 @@ def _schema(scene: Scene) -> str:
     errors = schema_errors(scene.loaded.path)
     if not errors:
         return "ok: valid against CommonRoad's XML schema 2020a"
-    such = "" if len(errors) == 1 else "the first: "
-    return f"problem: {counted(len(errors), 'violation')} of CommonRoad's XML schema 2020a: {such}{errors[0][:200]}"
+    such = ":" if len(errors) == 1 else ", the first being"
+    return f"problem: {counted(len(errors), 'violation')} of CommonRoad's XML schema 2020a{such} {errors[0][:200]}"
 
 
 def _goal(scene: Scene) -> str:

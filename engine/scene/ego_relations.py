@@ -290,7 +290,10 @@ def _along(ahead_m: float) -> str:
 
 
 def _bearing(angle_rad: float) -> str:
-    names = ("ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right")
+    names = (
+        *("ahead", "ahead on the left", "to the left", "behind on the left"),
+        *("behind", "behind on the right", "to the right", "ahead on the right"),
+    )
     return names[round(angle_rad / (math.pi / 4)) % 8]
 
 

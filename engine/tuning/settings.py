@@ -179,7 +179,9 @@ class Setting:
 
 
 _SETTINGS = (
-    Setting("vehicle", "", 1, 4, "CommonRoad vehicle; replaces all vehicle parameters", whole=True),
+    Setting(
+        "vehicle", "of CommonRoad's vehicles", 1, 4, "CommonRoad vehicle; replaces all vehicle parameters", whole=True
+    ),
     Setting("length_m", "m", 1.0, 20.0, "length of the ego"),
     Setting("width_m", "m", 0.5, 3.0, "width of the ego"),
     Setting("wheelbase_m", "m", 0.8, 12.0, "distance between the axles"),

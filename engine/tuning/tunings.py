@@ -161,47 +161,52 @@ def _by_name(entries: tuple[_Named, ...]) -> dict[str, _Named]:
 _COST_WEIGHTS = (
     Weight("acceleration", "integral of acceleration² (Simpson)", "gentler speed changes", "core"),
     Weight("jerk", "integral of total jerk²", "smoother acceleration", "core"),
-    Weight("lateral_jerk", "root of lateral jerk² over the first 0.1 s", "smoother steering", "core"),
+    Weight("lateral_jerk", "√(integral of lateral jerk²) over the first 0.1 s", "smoother steering", "core"),
     Weight(
         "longitudinal_jerk",
-        "root of longitudinal jerk² over the first 0.1 s",
+        "√(integral of longitudinal jerk²) over the first 0.1 s",
         "smoother acceleration and braking",
         "core",
     ),
     Weight(
         "orientation_offset",
         "heading offset from the path, over the candidate's second half and at its end",
-        "straighter along the path",
+        "heading closer to the path's",
         "core",
     ),
     Weight("path_length", "length of the candidate in m", "shorter, slower candidates", "ours"),
     Weight(
         "lane_center_offset",
         "mean distance to the lane's centre, 5 m where there is no lane",
-        "keeps to the lane's centre",
+        "closer to the lane's centre",
         "ours",
     ),
-    Weight("velocity_offset", "norm of speed − desired speed", "keeps the desired speed", "core"),
-    Weight("velocity", "|mean speed − speed that reaches the goal in time|", "arrives on time", "ours"),
+    Weight("velocity_offset", "norm of speed − desired speed", "closer to the desired speed", "core"),
     Weight(
-        "distance_to_reference_path", "norm of the offset over the candidate's second half", "keeps to the path", "core"
+        "velocity", "|mean speed − speed that reaches the goal in time|", "arrival closer to the goal's time", "ours"
+    ),
+    Weight(
+        "distance_to_reference_path",
+        "norm of the offset over the candidate's second half",
+        "closer to the path",
+        "core",
     ),
     Weight(
         "distance_to_obstacles",
         "Σ 1 / smallest distance², with others assumed stationary",
-        "keeps away from others",
+        "farther from others",
         "core",
     ),
     Weight(
         "prediction",
         "1,000 × probability of a collision with predicted road users",
-        "keeps clear of predicted motion",
+        "farther from predicted motion",
         "core",
     ),
     Weight(
         "responsibility",
         "nearness to road users that the ego must keep clear of",
-        "keeps its lane and distance, gives way",
+        "stricter lane keeping, distances and giving way",
         "ours",
     ),
 )
@@ -255,15 +260,17 @@ _FRENETIX_PRESETS = (
 """The paper names the presets; the values are those of its released code."""
 
 _CHANNELS = (
-    Weight("distance_to_reference_path", "mean offset from the path / 3 m", "keeps to the path", "ours"),
-    Weight("distance_to_reference_path_final", "final offset from the path / 3 m", "comes back to the path", "ours"),
-    Weight("velocity_offset_final", "(final − desired speed)² / (5 m/s)²", "keeps the desired speed", "ours"),
-    Weight("orientation_offset", "mean (heading − path)² / (0.5 rad)²", "straighter along the path", "ours"),
-    Weight("orientation_offset_final", "final (heading − path)² / (0.5 rad)²", "ends along the path", "ours"),
+    Weight("distance_to_reference_path", "mean offset from the path / 3 m", "closer to the path", "ours"),
+    Weight("distance_to_reference_path_final", "final offset from the path / 3 m", "ends closer to the path", "ours"),
+    Weight("velocity_offset_final", "(final − desired speed)² / (5 m/s)²", "closer to the desired speed", "ours"),
+    Weight("orientation_offset", "mean (heading − path)² / (0.5 rad)²", "heading closer to the path's", "ours"),
     Weight(
-        "prediction", "Σ 1 / Mahalanobis distance² to predicted road users", "keeps clear of predicted motion", "ours"
+        "orientation_offset_final", "final (heading − path)² / (0.5 rad)²", "final heading closer to the path's", "ours"
     ),
-    Weight("distance_to_boundary", "mean 1 / clearance² to the road's edge", "keeps off the road's edge", "ours"),
+    Weight(
+        "prediction", "Σ 1 / Mahalanobis distance² to predicted road users", "farther from predicted motion", "ours"
+    ),
+    Weight("distance_to_boundary", "mean 1 / clearance² to the road's edge", "farther from the road's edge", "ours"),
 )
 """The seven channels of MP-RBFN by the names of its public copy, normalised in ``engine/planners/rbfn/costs.py``."""
 _CHANNEL_PRESETS = (
@@ -288,10 +295,10 @@ _CHANNEL_PRESETS = (
 """The paper names the presets but prints no values for this planner; the values are ours."""
 
 _IDM_PARAMETERS = (
-    Weight("time_headway_s", "desired time gap T to the leader, s", "follows farther away", "ours", 0.1, 10.0),
-    Weight("minimum_gap_m", "gap s0 at standstill, m", "stops earlier behind others", "ours", 0.1, 30.0),
+    Weight("time_headway_s", "desired time gap T to the leader, s", "larger following distance", "ours", 0.1, 10.0),
+    Weight("minimum_gap_m", "gap s0 at standstill, m", "longer gaps to others at standstill", "ours", 0.1, 30.0),
     Weight("acceleration_mps2", "maximum acceleration a, m/s²", "brisker, reaches its speed sooner", "ours", 0.1, 10.0),
-    Weight("deceleration_mps2", "comfortable deceleration b, m/s²", "brakes later and harder", "ours", 0.1, 10.0),
+    Weight("deceleration_mps2", "comfortable deceleration b, m/s²", "later and harder braking", "ours", 0.1, 10.0),
     Weight(
         "lateral_acceleration_mps2",
         "maximum lateral acceleration in curves, m/s²",
@@ -314,24 +321,24 @@ of Automated Driving, preprint 10.31234/osf.io/kcw2d): 2 m/s² often too slow, 3
 
 _parameter = partial(Weight, of_cost=False)
 _FISS_WEIGHTS = (
-    Weight("time", "horizon − duration, s", "plans farther ahead", "core"),
-    Weight("speed", "(final − desired or following speed)²", "keeps the desired speed", "core"),
+    Weight("time", "horizon − duration, s", "longer plans", "core"),
+    Weight("speed", "(final − desired or following speed)²", "closer to the desired speed", "core"),
     Weight("acceleration", "mean acceleration², along and across", "gentler speed changes", "core"),
     Weight("jerk", "mean jerk², along and across", "smoother", "core"),
-    Weight("lateral", "(final offset from the lane's centre)²", "ends at the lane's centre", "core"),
-    Weight("lane_change", "lanes changed", "stays in its lane", "core"),
-    Weight("route", "1 if the lane is not on the route", "stays on its route", "ours", term="lane_change"),
+    Weight("lateral", "(final offset from the lane's centre)²", "ends closer to the lane's centre", "core"),
+    Weight("lane_change", "lanes changed", "fewer lane changes", "core"),
+    Weight("route", "1 if the lane is not on the route", "closer to its route", "ours", term="lane_change"),
     _parameter(
         "history",
         "squared distance to the previous end state, for the first guess",
-        "searches near the previous result",
+        "search nearer to the previous result",
         "core",
     ),
-    Weight("headway", "mean (1 − gap / desired gap)² ahead", "keeps its distance ahead", "core", term="proximity"),
+    Weight("headway", "mean (1 − gap / desired gap)² ahead", "larger gaps ahead", "core", term="proximity"),
     Weight(
         "time_to_collision",
         "mean (1 − time to collision / desired time)² ahead",
-        "slows down earlier for others",
+        "earlier slowing for others",
         "core",
         term="proximity",
     ),
@@ -343,14 +350,9 @@ _FISS_WEIGHTS = (
         term="proximity",
     ),
     _parameter("desired_gap_m", "desired gap at standstill, m", "stops farther behind others", "core", 0.1, 30.0),
-    _parameter("desired_headway_s", "desired time gap ahead, s", "follows farther away", "core", 0.0, 10.0),
+    _parameter("desired_headway_s", "desired time gap ahead, s", "larger following distance", "core", 0.0, 10.0),
     _parameter(
-        "desired_time_to_collision_s",
-        "desired time to collision, s",
-        "slows down earlier for others",
-        "core",
-        0.1,
-        30.0,
+        "desired_time_to_collision_s", "desired time to collision, s", "earlier slowing for others", "core", 0.1, 30.0
     ),
     _parameter("desired_clearance_m", "desired lateral gap, m", "passes others farther away", "core", 0.1, 10.0),
     _parameter(
@@ -402,7 +404,7 @@ _FOLLOWING = (
         0.0,
         1.0,
     ),
-    Weight("time_headway_s", "desired time gap to the leader, s", "follows farther away", "ours", 0.1, 10.0),
+    Weight("time_headway_s", "desired time gap to the leader, s", "larger following distance", "ours", 0.1, 10.0),
 )
 """The behaviour of a reference driver while its model does not react."""
 _CAREFUL = (
@@ -418,7 +420,7 @@ _FUZZY = (
     *_FOLLOWING,
     Weight("response_s", "response time, s", "reacts later", "ours", 0.0, 3.0),
     Weight("gentle_mps2", "comfortable braking, m/s²", "brakes later", "ours", 0.5, 9.0),
-    Weight("hard_mps2", "hardest braking, m/s²", "brakes later and harder", "ours", 0.5, 9.0),
+    Weight("hard_mps2", "hardest braking, m/s²", "later and harder braking", "ours", 0.5, 9.0),
     Weight("front_mps2", "deceleration expected of the leader, m/s²", "brakes earlier", "ours", 0.5, 10.0),
     Weight("standstill_m", "gap when standing, m", "stops earlier", "ours", 0.0, 10.0),
     Weight("margin_m", "margin of the safe distance, m", "brakes earlier", "ours", 0.0, 10.0),

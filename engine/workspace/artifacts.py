@@ -282,9 +282,10 @@ class Workspace:
         stored = self.find(kind, artifact_id)
         if stored is None:
             known = [row[0] for row in self._ids(kind)]
-            raise UnknownName(
-                f"there is no {kind} '{artifact_id}'", valid=closest(artifact_id, known), next_step=_MAKERS[kind]
-            ).also(calling("list_artifacts", kind=kind))
+            what = f"there is no {kind} '{artifact_id}'" if artifact_id else f"the id of the {kind} is empty"
+            raise UnknownName(what, valid=closest(artifact_id, known), next_step=_MAKERS[kind]).also(
+                calling("list_artifacts", kind=kind)
+            )
         return stored
 
     def newest(
@@ -347,7 +348,8 @@ class Workspace:
         row = self.database.connection().execute(query, (artifact_id,)).fetchone()
         if row is None:
             known = [str(entry[0]) for kind in expected or (None,) for entry in self._ids(kind)]
-            raise UnknownName(f"there is nothing called '{artifact_id}'", valid=closest(artifact_id, known))
+            what = f"there is nothing called '{artifact_id}'" if artifact_id else "an id is empty"
+            raise UnknownName(what, valid=closest(artifact_id, known))
         kind: ArtifactKind = row[0]
         return kind
 

@@ -312,7 +312,7 @@ TARGETS: Mapping[Density, float] = {"low": 7.0, "medium": 16.0, "high": 28.0}
 """Vehicles per kilometre of lane, as promised in ``docs/generation.md``."""
 _WITHIN = 0.25
 """Share of the target within which a density counts as met (chosen)."""
-_STATED = "density missed"
+_STATED = "than the requested"
 """Occurs in the note of a generation that misses its density."""
 
 

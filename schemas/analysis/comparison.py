@@ -340,7 +340,7 @@ def _checked_by(comparison: Comparison) -> list[str]:
     if comparison.to_success_count + comparison.to_failure_count or not comparison.run_ids:
         return []
     more = 2 * comparison.success.pairs - len(comparison.run_ids[:_SHOWN_RUNS])
-    rest = f" +{more}" if more > 0 else ""
+    rest = f" and {more} more" if more > 0 else ""
     shown = comparison.run_ids[:_SHOWN_RUNS]
     pairs = "; ".join(f"{one}, {other}" for one, other in zip(shown[::2], shown[1::2], strict=True))
     return [f"- runs (baseline, other): {pairs}{rest}"]
@@ -375,10 +375,10 @@ def _success(test: SuccessTest) -> list[str]:
     if not test.pairs:
         return []
     counts = {
-        "on both sides": test.both,
-        "only with the baseline": test.only_before,
-        "only with the other": test.only_after,
-        "on neither side": test.neither,
+        "by both": test.both,
+        "only by the baseline": test.only_before,
+        "only by the other": test.only_after,
+        "by neither": test.neither,
     }
     shares = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
     line = f"- {counted(test.pairs, 'pair')}, goal reached: {shares}"
@@ -469,7 +469,7 @@ def _tested(metrics: tuple[MetricTest, ...]) -> list[str]:
     lines = [_metric(metric) for metric in shown]
     others = [metric for metric in metrics if metric not in differing]
     for title, tested in (
-        ("medians, not shown to differ", True),
+        ("medians, no significant difference", True),
         ("medians, too few pairs for a test (one figure: the same on both sides)", False),
     ):
         medians = [

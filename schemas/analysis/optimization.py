@@ -262,7 +262,7 @@ class OptimizePlannerResult(Result):
         if self.study is None:
             found = [] if self.best_so_far is None else [f"Best so far: {self.best_so_far}."]
             return Answer(
-                f"{self.job_id}: {self.state}{f'; {self.message}' if self.message else ''}",
+                f"{self.job_id}: {self.state}{f'; {self.message}' if self.message else '.'}",
                 decided=found,
                 next_step=self.next_step,
             )

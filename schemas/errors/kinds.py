@@ -108,7 +108,9 @@ class PlannerForgeError(Exception):
             rest = len(self.valid) - self.shown_values
             shown = ", ".join(self.valid if rest == 1 else self.valid[: self.shown_values])
             more = 0 if rest == 1 else rest
-            parts.append(f"Valid: {shown}{f' and {more} more' if more > 0 else ''}.")
+            is_cut = isinstance(self, UnknownName) and not self.complete and len(self.valid) == self.shown_values
+            others = " and others" if is_cut else ""  # as many as ``closest`` returns
+            parts.append(f"Valid: {shown}{f' and {more} more' if more > 0 else others}.")
         return " ".join([*parts, f"Next: {self._steps(following)}."])
 
     def _steps(self, following: NextCall | None) -> str:

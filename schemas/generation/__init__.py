@@ -396,7 +396,7 @@ AbsenceCode = Literal[
 ]
 ABSENCE_REASONS: Mapping[AbsenceCode, str] = MappingProxyType(
     {
-        "no_room": "no room at the site at the start, or already gone by then",
+        "no_room": "no room at the site at the start, or had left it by then",
         "file_too_large": "a recording with that many vehicles is too large for a file",
         "not_drivable": "SUMO's motion is infeasible for this vehicle class",
         "overlap": "would overlap another road user",
@@ -553,8 +553,10 @@ class ScenarioSummary(Model):
         classes = ", ".join(["the ego", *(counted(count, name) for name, count in vehicles.items())])
         on_foot_too = f"; {counted(on_foot, 'pedestrian')}" if on_foot else ""
         differs = self.vehicles_realised != self.vehicles_asked
-        wanted = f" of {self.vehicles_asked} requested" if differs else ""
-        return f"{counted(self.vehicles_realised, 'vehicle')}{wanted}: {classes}{on_foot_too}"
+        here = counted(self.vehicles_realised, "vehicle")
+        if differs:
+            here = f"{self.vehicles_realised} of the {counted(self.vehicles_asked, 'requested vehicle')}"
+        return f"{here}: {classes}{on_foot_too}"
 
     @property
     def missing(self) -> list[str]:
@@ -577,7 +579,7 @@ class ScenarioSummary(Model):
     def answer(self) -> Answer:
         """Return one scenario: its site, traffic and ego; then failures and deviations."""
         tried = [f"Trial run: {self.trial_run}."] if self.trial_run else []
-        notes = first_of(self.notes, _MOST_NOTES, f"describe_scenario of {self.scenario_id}, detail=checks")
+        notes = first_of(self.notes, _MOST_NOTES, "describe_scenario with detail=checks")
         return Answer(
             headline=f"{self.scenario_id}{' (already stored)' if self.reused else ''}: {self.where}.",
             decided=[

@@ -166,7 +166,7 @@ USUAL_DENSITY: Density = "low"
 MIDDLE = "middle"
 """The usual position on a lanelet."""
 GOAL_FORMS = (
-    "through (beyond the site)",
+    "through (any point beyond the site)",
     f"through:TURN ({', '.join(get_args(Turn))})",
     "steps:N (10 to 1000)",
     "distance_m:X (5 to 2000)",
@@ -233,7 +233,7 @@ class RequestedGoal:
             if size is None or all(0.5 <= side <= 500 for side in size):
                 return cls(text, lanelet=LaneletGoal(int(match[1]), match[2] or MIDDLE, size))
         raise InvalidRequest(
-            f"goal {text!r} is not in a valid form or range",
+            f"{text!r} is not a valid goal",
             valid=GOAL_FORMS,
             remedies=[*(with_values(goal=near) for near in _nearest_goals(text)), with_values(goal=None)],
         )
@@ -357,7 +357,7 @@ class ScenarioSpec(Model):
         kind, turn = self.scenario_type, self.goal.turn
         if turn is not None and kind != "any" and turn not in TURNS_AT[kind]:
             raise InvalidRequest(
-                f"an ego cannot make the turn {turn!r} at a site of type {kind}",
+                f"the ego cannot make the turn {turn!r} at {kind} sites",
                 valid=[f"{THROUGH}:{known}" for known in TURNS_AT[kind]],
                 next_step="choose one of these goals, or another scenario_type",
                 given=f"{THROUGH}:{turn}",

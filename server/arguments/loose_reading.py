@@ -44,7 +44,7 @@ def read_loosely(model: type[BaseModel], given: Mapping[str, Any], where: str = 
         resolved = _resolve_field(model, name, given)
         path = f"{where}{resolved}"
         if resolved != name:
-            reading.notes.append(f"{where}{name} is read as {path}")
+            reading.notes.append(f"the argument {where}{name} was taken as {path}")
         if resolved not in model.model_fields:
             reading.values[name] = value
             continue

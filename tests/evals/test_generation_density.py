@@ -33,5 +33,5 @@ def test_a_density_is_met_within_a_quarter_of_its_target(vehicles: int, met: boo
 
 
 def test_a_missed_density_is_honest_if_a_note_reports_it() -> None:
-    assert judged(30, "high", "high density missed: 15 vehicles per lane-km").honest
-    assert not judged(30, "high", "30 of 56 vehicles found room on the roads of the site").honest
+    assert judged(30, "high", "lower than the requested high density: 15 vehicles per lane-km").honest
+    assert not judged(30, "high", "30 of 56 vehicles could be placed on the site's roads").honest

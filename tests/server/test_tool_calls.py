@@ -125,7 +125,7 @@ async def test_pictures_too_large_for_an_answer_are_linked_only(connect: Any) ->
         result = await client.call_tool("draw_much", {})
     text, *others = result.content
     assert [type(block) for block in others] == [ImageContent, ImageContent, ResourceLink]
-    assert "too large for this answer; open their links: 1" in text.text
+    assert "1 image is too large to embed; open its link" in text.text
 
 
 async def test_links_are_left_out_if_the_host_does_not_support_them(connect: Any, settings: Settings) -> None:

@@ -62,7 +62,7 @@ async def test_a_plan_makes_every_pair_that_can_be_and_names_the_others(connect:
             "scenario_type=intersection + turn=merge",
         }
         assert "100.0% of the 2-way combinations" in text
-        assert "cannot make that turn at a site of type ramp" in text
+        assert "cannot make that turn at ramp sites" in text
         assert len(text.splitlines()) <= 12
         made = plan["made"]
 

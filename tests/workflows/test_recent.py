@@ -83,7 +83,7 @@ async def test_a_client_without_own_artifacts_gets_the_newest_with_one_remark(
 ) -> None:
     first, second = sessions
     made = await first.ask("configure_planner", weights=["jerk=0.5"])
-    told = f"This session has no scenario yet, so the workspace's newest one, {ONE}, is used."
+    told = f"This session has no scenarios yet, so the workspace's newest one, {ONE}, is used."
     assert told in (await second.text("describe_scenario")).splitlines()
     assert told not in await second.text("describe_scenario")
     assert told not in await first.text("describe_scenario")

@@ -532,8 +532,12 @@ async def optimize_planner(arguments: OptimizePlannerArguments, context: Workflo
     )
 
 
+_METHODS = {"tpe": "TPE", "cmaes": "CMA-ES", "random": "random"}
+"""The names of search methods in titles."""
+
+
 def _study_name(study: StudyRecord) -> str:
-    return f"{study.method} for {' + '.join(study.objective)} from {study.base_name}"
+    return f"{_METHODS.get(study.method, study.method)} search for {' + '.join(study.objective)} from {study.base_name}"
 
 
 def _finished(study: StudyRecord, context: WorkflowContext) -> OptimizePlannerResult:

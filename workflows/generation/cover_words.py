@@ -311,7 +311,7 @@ def impossible_turns(plan: RequestedPlan) -> Iterator[tuple[Combination, str]]:
         for level, name in enumerate(plan.factors[turn].levels):
             if name not in possible:
                 key = ((turn, level),) if types is None else tuple(sorted(((types, index), (turn, level))))
-                yield key, f"an ego cannot make that turn at a site of type {kind}"
+                yield key, f"the ego cannot make that turn at {kind} sites"
 
 
 def existing_levels(plan: RequestedPlan, context: WorkflowContext) -> list[Levels]:

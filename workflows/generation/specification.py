@@ -490,7 +490,7 @@ def _vehicle_demand(text: str) -> VehicleDemand:
     most = None if high is None or at_least else round(high)
     if demand.value is not None or demand.scope is not None or least < 0 or (most is not None and most < least):
         raise InvalidRequest(
-            f"vehicles {text!r} is not valid",
+            f"{text!r} is not valid in vehicles",
             valid=["truck", "truck=2", "car=4..4", "bicycle=0"],
             remedies=[instead(text, demand.name if demand.value or not low else f"{demand.name}={abs(round(low))}")],
         )

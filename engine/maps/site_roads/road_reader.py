@@ -211,15 +211,15 @@ class RoadReader:
             return (
                 f"slip roads, driveways and tracks without a signed speed limit get a typical one: {'; '.join(parts)}"
             )
-        law = f"the legal default of {self._where.name}"
+        law = f"the statutory default of {self._where.name}"
         if source == "usual":
             unknown = "the country is unknown"
             if self._where.name:
                 unknown = f"the law of {self._where.name} is unknown for this kind of road"
-            law = f"the median of all countries' legal defaults, because {unknown}"
+            law = f"the median of all countries' statutory defaults, because {unknown}"
         elif self._states:
-            law = f"the most frequent of the legal defaults of {max(self._states)} states of {self._where.name}"
-        return f"roads without a signed speed limit have {law}: {'; '.join(parts)}"
+            law = f"the most frequent of the statutory defaults of {max(self._states)} states of {self._where.name}"
+        return f"roads without a signed speed limit get {law}: {'; '.join(parts)}"
 
 
 _SENTENCES: Mapping[str, str] = {

@@ -85,7 +85,9 @@ def test_the_rate_is_given_with_and_without_unpreventable_collisions(tmp_path: P
     assert (found.success_without.count, found.success_without.of) == (1, 2)
     assert [(one.run_id, one.time_s) for one in found.evidence] == [(one.record.run_id, 4.0) for one in runs[:3]]
     told = found.in_words()
-    assert told.startswith("Collisions: 2 rear-end by another, 1 rear-end by the ego; attributed: 2 to the recording; ")
+    assert told.startswith(
+        "Collisions: 2 rear-end by another vehicle, 1 rear-end by the ego; 2 attributed to the recording; "
+    )
     assert REFERENCE_DRIVERS_DO in told
     assert "prevents 2 of 3 (" in told
     assert "goal 1/2" in told

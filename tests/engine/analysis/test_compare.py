@@ -238,7 +238,7 @@ def test_metrics_that_differ_come_first_and_the_others_are_in_one_line() -> None
     result = compared(runs(["goal_reached"] * 12, gaps=gaps), runs(["goal_reached"] * 12, SAFE, wider))
     lines = result.to_text().splitlines()
     assert lines[2].startswith("- minimum distance: median 1.55 → 2.1 m, shift")
-    assert lines[3].startswith("- medians, not shown to differ: time to collision 4 s, time headway 2 s")
+    assert lines[3].startswith("- medians, no significant difference: time to collision 4 s, time headway 2 s")
     assert lines[4].startswith("- runs (baseline, other): run_")
     assert len(lines) == 7
 

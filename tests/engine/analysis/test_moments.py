@@ -119,7 +119,7 @@ def test_the_text_states_the_time_the_speeds_and_the_events_before(tmp_path: Pat
     assert hit.prevention is not None
     assert hit.in_words() == (
         "was hit by car 7 from behind while stationary at 4.0 s (ego 0.0 m/s, standing since 0.0 s; car 7: 9.0 m/s); "
-        f"attributed to the recording; {hit.prevention.in_words()}"
+        f"attributed to the recording, in which car 7 cannot react; {hit.prevention.in_words()}"
     )
     braking = (0.0,) * 31 + (-3.0,) * 10
     ego, other = moving((0, 0, EAST, 12), key=0), moving((4.4, 0, EAST, 5))

@@ -93,7 +93,7 @@ def test_no_ego_prevents_a_recorded_follower_that_drives_into_it() -> None:
     assert not found.possible
     assert {one.start for one in found.drivers} == {"before_contact", "start"}
     assert REFERENCE_DRIVERS_DO in found.in_words()
-    assert "from the start" in found.in_words()
+    assert "at the start" in found.in_words()
     older = found.model_copy(update={"drivers": ()})
     assert "the start" not in older.in_words(), "versions before did not examine it"
 
@@ -128,10 +128,10 @@ def test_the_text_names_drivers_that_prevent_it_and_drivers_that_do_not() -> Non
     hit = first_touch(ego, standing)
     words = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S).in_words()
     rss = "the Responsibility-Sensitive Safety (RSS) driver"
-    assert words.startswith("in the encounter, preventable by full braking (as late as ")
+    assert words.startswith("if a reference driver takes over mid-run, full braking (no later than ")
     assert words.endswith(
-        f" s), UN regulation R157's fuzzy driver and {rss}, but not by the careful "
-        "driver; if in control from the start, full braking and the fuzzy and RSS drivers prevent it"
+        f" s), UN regulation R157's fuzzy driver and {rss} prevent it, but the careful driver does not; "
+        "if a driver takes over at the start, full braking and the fuzzy and RSS drivers prevent it"
     )
 
 
@@ -179,7 +179,7 @@ def test_swerving_helps_if_braking_cannot_any_more() -> None:
     assert not found.possible
     # 0.5 m beside half of both widths: 1.8 m aside after sqrt(2 · 1.8 / 5) = 0.85 s
     assert found.by_steering_until_s == pytest.approx((45.0 - LENGTH_M) / 30.0 - 0.87, abs=0.25)
-    assert found.in_words().endswith("; swerving as late as 0.4 s prevents it")
+    assert found.in_words().endswith("; swerving no later than 0.4 s prevents it")
 
 
 @pytest.mark.parametrize(
@@ -238,7 +238,7 @@ def test_an_ego_that_sped_up_caused_the_encounter() -> None:
     found = prevention_of(ego.part(0, hit + 1), other, hit, STEP_S)
     assert verdict(found, "keep_lane", "start").prevents
     assert found.possible
-    assert found.in_words().endswith("from the start, all drivers prevent it")
+    assert found.in_words().endswith("takes over at the start, all prevent it")
 
 
 def test_from_the_start_a_driver_that_hits_another_vehicle_does_not_prevent_it() -> None:
@@ -317,7 +317,7 @@ def test_verdicts_of_earlier_versions_are_read_as_they_were() -> None:
     old = Prevention(by_braking_until_s=None, by_careful_driver=False, by_rss=False, by_fuzzy_driver=True)
     assert old.possible
     assert old.attributable
-    assert "from the start" not in old.in_words()
+    assert "at the start" not in old.in_words()
 
 
 def test_a_follower_that_falls_back_first_still_catches_up_with_every_driver() -> None:

@@ -44,7 +44,7 @@ def test_weather_and_time_are_found_by_the_words_that_people_use(slots: dict[str
 
 def test_an_answer_states_where_it_looked_and_the_fact() -> None:
     found = answer(tags=["night"])
-    assert found.notes == ("'night' is not a tag; searched among weather and times of day.",)
+    assert found.notes == ("'night' is not a tag; it was looked up among weather and times of day.",)
     assert found.matches[0].satisfied == ("weather or time night",)
 
 

@@ -64,12 +64,12 @@ def test_a_single_facet_lists_unused_values_with_0(three: sqlite3.Connection) ->
 
 def test_unused_values_of_all_facets_are_in_a_note(three: sqlite3.Connection) -> None:
     found = notes(three, "all")
-    assert found["tags"] == f"unused: {', '.join(tag for tag in TAGS if tag not in ('urban', 'critical'))}"
-    assert found["obstacles"] == f"scenarios with at least one; {len(OBSTACLE_TYPES) - 3} types unused"
+    assert found["tags"] == f"in no scenario: {', '.join(tag for tag in TAGS if tag not in ('urban', 'critical'))}"
+    assert found["obstacles"] == f"scenarios with at least one; {len(OBSTACLE_TYPES) - 3} types in no scenario"
     assert found["places"] == ""
     # On the maps: stop, yield and a light; speed_limit is a sign that limits stand for.
     missing = {*SIGNS, "traffic_light"} - {"stop", "yield", "traffic_light", "speed_limit"}
-    assert found["road_net"] == f"on the ego's lane; @map: anywhere; {len(missing)} keys unused"
+    assert found["road_net"] == f"on the ego's lane; @map: anywhere on the map; {len(missing)} keys in no scenario"
 
 
 def test_signs_are_counted_on_the_ego_s_lane_and_on_the_map(three: sqlite3.Connection) -> None:
@@ -101,8 +101,8 @@ def test_long_facets_are_shortened_with_the_number_of_hidden_entries() -> None:
     short, whole = counted(many, "all"), counted(many, "places") | counted(many, "road_net")
     assert [len(short[name]) for name in ("countries", "places", "speed_limit", "road_net")] == [12, 6, 3, 4]
     assert [len(whole[name]) for name in ("countries", "places", "speed_limit")] == [13, 13, 4]
-    assert notes(many, "all")["places"] == "7 more with facet places"
+    assert notes(many, "all")["places"] == "7 more: facet=places"
     assert whole["road_net"]["speed_limit"] == 13
     assert "in 13 scenarios" in notes(many, "all")["speed_limit"], "as many as have the sign, whatever is listed"
-    assert "1 more limit with facet road_net" in notes(many, "all")["speed_limit"]
+    assert "1 more limit: facet=road_net" in notes(many, "all")["speed_limit"]
     assert "facet=maps" in notes(many, "places")["places"]

@@ -41,14 +41,14 @@ def ids(found: FindScenariosResult) -> list[str]:
 def test_an_obstacle_in_another_argument_is_looked_for_there(three: sqlite3.Connection, slot: str, called: str) -> None:
     found = answer(three, **{slot: ["bus"]})
     assert ids(found) == [TAGGED]
-    assert f"'bus' is not {called}; searched among obstacles." in found.notes
+    assert f"'bus' is not {called}; it was looked up among obstacles." in found.notes
 
 
 def test_a_name_of_a_tag_and_a_feature_among_obstacles_means_either(three: sqlite3.Connection) -> None:
     found = answer(three, obstacles=["roundabout"])
     assert ids(found) == [TAGGED, BUILT]
     assert {one.satisfied for one in found.matches} == {("tag roundabout",), ("feature roundabout",)}
-    assert "'roundabout' is not an obstacle type; searched among tags and features." in found.notes
+    assert "'roundabout' is not an obstacle type; it was looked up among tags and features." in found.notes
 
 
 @pytest.mark.parametrize(("word", "note"), [("omnibus", "'omnibus' is read as bus."), ("buses", ""), ("bus", "")])
@@ -88,7 +88,9 @@ def test_words_of_a_text_are_reported_by_where_they_were_found(three: sqlite3.Co
 def test_a_text_without_any_match_gives_no_scenarios_and_says_so(three: sqlite3.Connection) -> None:
     found = answer(three, text="zebrafish")
     assert (found.total, found.matches) == (0, ())
-    assert found.notes == ("'zebrafish' occurs in no title, tag, place or description; the text matches nothing.",)
+    assert found.notes == (
+        "'zebrafish' does not occur in any title, tag, place or description; the text matches nothing.",
+    )
     assert [one.unmet for one in found.fallback] == [("the text",)] * 3
 
 
@@ -96,14 +98,16 @@ def test_unknown_words_with_a_similar_meaning_still_rank(three: sqlite3.Connecti
     found = answer(three, likeness=0.3, text="gridlock")
     assert found.total == 3
     assert found.notes == (
-        "'gridlock' occurs in no title, tag, place or description; results are ranked by semantic similarity.",
+        "'gridlock' does not occur in any title, tag, place or description; results are ranked by semantic similarity.",
     )
 
 
 def test_conditions_match_although_a_text_occurs_nowhere(three: sqlite3.Connection) -> None:
     found = answer(three, text="zebrafish", country="ESP")
     assert ids(found) == [BUILT]
-    assert "'zebrafish' occurs in no title, tag, place or description; the text matches nothing." in found.notes
+    assert (
+        "'zebrafish' does not occur in any title, tag, place or description; the text matches nothing." in found.notes
+    )
 
 
 @pytest.mark.parametrize("slots", [{"country": "ITA", "obstacles": ["car"]}, {"text": "zebrafish"}])

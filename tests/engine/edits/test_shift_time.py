@@ -95,7 +95,7 @@ def test_a_shift_onto_a_vehicle_is_refused_with_the_nearest_ones_that_fit(
     apply: Apply, edits: list[dict[str, Any]], moved: int, other: int, begins_s: float
 ) -> None:
     road = follower_and_leader(10.0)
-    reason = f"vehicle {moved} would start on top of vehicle {other} at {begins_s} s"
+    reason = f"vehicle {moved} would overlap vehicle {other} at {begins_s} s"
     with pytest.raises(NotPossible, match=reason) as caught:
         apply(*edits, builder=road)
     assert len(caught.value.valid) == 2
@@ -114,7 +114,7 @@ def test_a_shift_beyond_the_scenario_is_refused_with_the_largest_one_that_starts
 
 def test_a_shift_onto_the_ego_is_refused(apply: Apply) -> None:
     behind = town_road().with_vehicles(driving(31, (20, 0), 10.0, 101))
-    with pytest.raises(NotPossible, match=r"vehicle 31 would start on top of the ego at 0\.0 s"):
+    with pytest.raises(NotPossible, match=r"vehicle 31 would overlap the ego at 0\.0 s"):
         apply(shifted("31", -2), builder=behind)
 
 

@@ -304,5 +304,5 @@ def test_a_site_across_the_border_has_the_law_of_its_own_country(tmp_path: Path)
             }
         )
         built = prepare_site(request, osm, fitting_sites(osm, request)[0], tmp_path, silent)
-        ids[x] = built.metadata.benchmark_id[:3], any("legal default of France" in note for note in built.notes)
+        ids[x] = built.metadata.benchmark_id[:3], any("statutory default of France" in note for note in built.notes)
     assert ids == {0: ("FRA", True), 38_000: ("DEU", False)}

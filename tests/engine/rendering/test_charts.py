@@ -91,7 +91,7 @@ def test_a_value_far_out_does_not_stretch_the_axis() -> None:
 
 def test_terms_are_of_one_run_with_their_mean_shares(hit: RunSource, town: ScenarioSource) -> None:
     drawing = CHARTS["terms"](RunSet((source(record(TOWN, config=SAFE)), hit), (), (town,)))
-    assert "mean shares velocity_offset 75%, prediction 25%" in drawing.alt_text
+    assert "mean shares: velocity_offset 75%, prediction 25%" in drawing.alt_text
     assert hit.record.run_id in drawing.alt_text
 
 

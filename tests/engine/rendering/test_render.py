@@ -41,7 +41,7 @@ def test_picture_names_every_vehicle_and_is_small(tmp_path: Path, town: Scenario
     assert image.mime_type == "image/png"
     assert image.width_px >= 1000
     assert image.size_bytes < 300_000
-    assert "4 vehicles in view, 1 outside, labels shown for 31, 32, 33, 35" in image.alt_text
+    assert "4 vehicles in view, 1 outside, labels: 31, 32, 33, 35" in image.alt_text
 
 
 def test_colours_that_mean_something_are_exact(tmp_path: Path, town: ScenarioSource) -> None:
@@ -71,7 +71,7 @@ def test_runs_are_named_with_their_outcome(
 ) -> None:
     image = drawn(tmp_path / "out", scenarios=(town,), runs=pair)
     assert "at 4.0 s" in image.alt_text
-    assert "driven paths (Default: collision; Safe: goal reached)" in image.alt_text
+    assert "driven paths: Default (collision), Safe (goal reached)" in image.alt_text
 
 
 def test_an_animation_moves_and_ends_with_the_run_and_a_strip_shows_its_moments(
@@ -89,7 +89,7 @@ def test_an_animation_moves_and_ends_with_the_run_and_a_strip_shows_its_moments(
         first = opened.convert("RGB").tobytes()
         opened.seek(40)
         assert opened.convert("RGB").tobytes() != first
-    assert strip.alt_text == "The same scene at 0.0, 0.8, 1.6, 2.4, 3.2, 4.0 s, row by row."
+    assert strip.alt_text == "Still frames at 0.0, 0.8, 1.6, 2.4, 3.2, 4.0 s, row by row."
     assert strip.width_px == pytest.approx(1500, abs=3)
     assert strip.size_bytes < 400_000
     with Image.open(strip.path) as opened:
@@ -147,7 +147,7 @@ def test_a_picture_is_of_the_surroundings_of_a_road_user(tmp_path: Path, town: S
         drawn(tmp_path / name, scenarios=(town,), focus=focus, time_s=1.0)
         for name, focus in (("ego", None), ("35", 35))
     )
-    assert "35" in other.alt_text.partition("labels shown for")[2]
+    assert "35" in other.alt_text.partition("labels:")[2]
     assert other.alt_text != ego.alt_text
     assert Path(other.path).read_bytes() != Path(ego.path).read_bytes()
 

@@ -106,7 +106,7 @@ def test_a_place_that_the_lane_reaches_by_a_detour_is_described_by_both_distance
     builder = ScenarioBuilder(lanes, problems=(Problem(start=(80.0, 0.0, 0.0, 5.0), goal=None),))
     below = driving(36, (90, -10), 5.0, 20, heading_rad=-math.pi / 2)
     vehicle = described(builder.with_vehicles(below).write(tmp_path / "loop.xml")).vehicles[0]
-    assert vehicle.where.startswith("14 m ahead right, heading to the right, 87 m ahead along the lane")
+    assert vehicle.where.startswith("14 m ahead on the right, heading to the right, 87 m ahead along the lane")
     assert vehicle.gap_m is None
 
 
