@@ -20,7 +20,7 @@ from ..schemas.artifacts import (
 from ..schemas.catalog import SearchRecord
 from ..schemas.errors import NotPossible, UnknownName
 from ..schemas.jobs import CancelJobArguments, GetJobArguments, JobResult
-from ..schemas.runs import BatchRecord, RunRecord, configuration_id
+from ..schemas.runs import BatchRecord, LostCell, RunRecord, configuration_id
 from ..schemas.text import counted
 from .context import WorkflowContext
 from .maps import inventory_of_read_maps
@@ -120,7 +120,7 @@ async def _summaries(batches: Sequence[BatchRecord], context: WorkflowContext) -
             prediction=batch.prediction,
             traffic=batch.traffic,
             world=batch.world.in_words(),
-            scenarios=len(scenarios := sorted({one.scenario_id for one in (*runs_of_batch, *batch.lost)})),
+            scenarios=len(scenarios := _scenarios_of(runs_of_batch, batch.lost)),
             scenario_id=scenarios[0] if len(scenarios) == 1 else "",
             configs=tuple(
                 ConfigSuccess(
@@ -135,6 +135,10 @@ async def _summaries(batches: Sequence[BatchRecord], context: WorkflowContext) -
         )
         for batch, runs_of_batch, group in zip(batches, there, groups, strict=True)
     ]
+
+
+def _scenarios_of(runs: Iterable[RunRecord], lost: Iterable[LostCell]) -> list[str]:
+    return sorted({*(run.scenario_id for run in runs), *(cell.scenario_id for cell in lost)})
 
 
 def _valid(runs: Sequence[RunRecord]) -> list[RunRecord]:

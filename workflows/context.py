@@ -210,7 +210,8 @@ class WorkflowContext:
             known = stored[-1] if stored else None
         else:
             kinds = (kind for kind in ARTIFACT_KINDS if kind != wanted)
-            known = next((found for kind in kinds if (found := self.workspace.find(kind, word)) is not None), None)
+            found = (self.workspace.find(kind, word) for kind in kinds)  # type: ignore[arg-type]
+            known = next((one for one in found if one is not None), None)
         if known is None:
             return None
         own = self._belonging_to(known, wanted)

@@ -52,7 +52,7 @@ class EditedScenario:
     """A scenario after edits, in memory.
 
     ``loaded``: the scenario as a run reads it. ``simulated``: the edits after their simulation. ``infeasible``: the
-    touched vehicles whose motion a vehicle of their class cannot drive, by ascending id. ``is_cut``: whether simulated
+    touched vehicles with a motion that a vehicle of their class cannot drive, by ascending id. ``is_cut``: whether simulated
     motions end before the recording does.
     """
 

@@ -181,7 +181,7 @@ def held(step: int, scene: Scene) -> str:
 def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: frozenset[int] = frozenset()) -> Place:
     """Return the place farther along the lane, or behind for a negative distance, following the straightest successors.
 
-    At a fork, the straightest successor is the one whose far end is: branches of a junction start alike.
+    At a fork, the far ends of the successors are compared, because branches of a junction start alike.
 
     ``targets``: if any routes lead to these lanelets, the place is on the shortest of the routes, or straight on after
     its end.

@@ -76,7 +76,7 @@ PLANNERS: dict[str, "Callable[[], Planner]"] = {
 
 
 _IGNORE_OTHERS = frozenset({"full_braking", "keep_lane"})
-"""Built-in planners whose motion does not depend on other road users, so that no prediction can change it."""
+"""Built-in planners that ignore other road users, so that no prediction can change their motion."""
 
 
 def planner_names() -> tuple[str, ...]:

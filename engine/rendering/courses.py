@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -261,7 +261,7 @@ def _draw_desired_speed(
     _draw_key(axes, "lower left")  # the numbers of the moments are at the top of this panel
 
 
-def _draw_key(axes: "Axes", place: str = "upper left") -> None:
+def _draw_key(axes: "Axes", place: Literal["upper left", "lower left"] = "upper left") -> None:
     """Draw the legend of a panel above the lines of the moments."""
     key = axes.legend(loc=place, ncols=2, frameon=True, framealpha=0.9, edgecolor="none", fontsize=SMALL_PT)
     key.set_zorder(7)

@@ -368,7 +368,7 @@ async def _answer(
 
 
 def _why_fewer(summary: PlanSummary, rows: PlanRows) -> list[str]:
-    """Return why a plan whose job is done made too few scenarios; its figures tell if all are impossible."""
+    """Return why the finished job of a plan made too few scenarios; its figures tell if all are impossible."""
     if not summary.allowed:
         return []
     if _is_exhausted(rows):
