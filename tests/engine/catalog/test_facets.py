@@ -78,7 +78,7 @@ def test_signs_are_counted_on_the_ego_s_lane_and_on_the_map(three: sqlite3.Conne
     on_lane = {"stop": 1, "speed_limit": 2}
     assert held == on_lane | {"stop@map": 2, "yield@map": 1, "traffic_light@map": 1, "speed_limit@map": 1}
     assert {*SIGNS, "traffic_light"} <= {name.removesuffix("@map") for name in whole}
-    assert notes(three, "road_net")["road_net"] == "on the ego's lane; @map: anywhere"
+    assert notes(three, "road_net")["road_net"] == "on the ego's lane; @map: anywhere on the map"
 
 
 def test_only_requested_facets_are_counted(three: sqlite3.Connection) -> None:

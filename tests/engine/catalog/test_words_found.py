@@ -119,9 +119,9 @@ def test_without_a_fallback_only_matches_are_shown(three: sqlite3.Connection, sl
 @pytest.mark.parametrize(
     ("origin", "matching", "evidence"),
     [
-        ("recorded", BUILT, "origin recorded (“Next Generation Simulation (NGSIM)”)"),
-        ("simulated", TAGGED, "origin simulated (“OpenStreetMap, SUMO”)"),
-        ("artificial", PLAIN, "origin artificial (“hand-crafted”)"),
+        ("recorded", BUILT, "origin recorded, by “Next Generation Simulation (NGSIM)”"),
+        ("simulated", TAGGED, "origin simulated, by “OpenStreetMap, SUMO”"),
+        ("artificial", PLAIN, "origin artificial, by “hand-crafted”"),
     ],
 )
 def test_the_origin_of_a_scenario_is_a_condition(
