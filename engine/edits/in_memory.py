@@ -52,8 +52,8 @@ class EditedScenario:
     """A scenario after edits, in memory.
 
     ``loaded``: the scenario as a run reads it. ``simulated``: the edits after their simulation. ``infeasible``: the
-    touched vehicles with a motion that a vehicle of their class cannot drive, by ascending id. ``is_cut``: whether simulated
-    motions end before the recording does.
+    touched vehicles with a motion that a vehicle of their class cannot drive, by ascending id. ``is_cut``: whether
+    simulated motions end before the recording does.
     """
 
     loaded: LoadedScenario
