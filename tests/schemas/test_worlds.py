@@ -32,7 +32,7 @@ def test_two_presets_give_the_worse_of_each_value_in_either_order(first: str, se
 
 def test_a_combination_says_what_it_gives_and_a_single_preset_needs_no_note() -> None:
     (note,) = combination_notes("camera, fog, missed=0.3")
-    assert "'camera, fog'" in note
+    assert "camera and fog" in note
     assert combination_notes("camera, missed=0.3") == combination_notes("perfect, fog") == ()
     assert world_of("missed=0.3, camera, fog").missed == 0.3
 

@@ -130,11 +130,14 @@ async def test_one_name_of_two_configurations_is_shown_with_their_ids(connect: C
         assert f"{DEFAULT.name} cfg_a 1/1" in lines[1]
 
 
-async def test_other_lists_have_no_rates(connect: Connect, settings: Settings) -> None:
+async def test_batches_in_a_mixed_list_have_their_rates_and_their_only_scenario(
+    connect: Connect, settings: Settings
+) -> None:
     async with connect() as client:
         _store(Workspace(settings.workspace), "batch_a", record(ONE))
         answer = await client.call_tool("list_artifacts", {})
         listed = ListArtifactsResult.model_validate(answer.structured_content)
         assert {item.kind for item in listed.artifacts} >= {"batch", "run"}
-        assert all(item.batch is None for item in listed.artifacts)
-        assert [item for item in answer.structured_content["artifacts"] if "batch" in item] == []
+        assert {item.kind for item in listed.artifacts if item.batch is not None} == {"batch"}
+        (batch,) = [item.batch for item in listed.artifacts if item.batch is not None]
+        assert (batch.scenarios, batch.scenario_id) == (1, ONE)
