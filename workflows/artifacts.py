@@ -300,21 +300,25 @@ def _job_result(job: Job, context: WorkflowContext) -> JobResult:
         remaining_s=None if job.remaining_s is None else round(job.remaining_s, 1),
         results=job.results,
         error=job.error,
-        next_step=_next_step(job, context),
+        next_step=_next_step(job, is_empty_plan=job.kind == "plan" and job.state == "done" and _is_empty(job, context)),
     )
+
+
+def _is_empty(job: Job, context: WorkflowContext) -> bool:
+    """Return whether the plan of a job has no scenario."""
+    return not PlanRows(context.workspace.database, job.results[0]).counts().made
 
 
 def _batches(job: Job) -> list[str]:
     return [key for key in job.results if key.startswith("batch_")]
 
 
-def _next_step(job: Job, context: WorkflowContext) -> str:
+def _next_step(job: Job, *, is_empty_plan: bool = False) -> str:
     if job.state != "done":
         return _NEXT[job.state]
     if job.kind == "plan":
         plan_id = job.results[0]
-        is_empty = not PlanRows(context.workspace.database, plan_id).counts().made
-        return "repeat the call for the reasons" if is_empty else f"run_planner with scenarios ['{plan_id}']"
+        return "repeat the call for the reasons" if is_empty_plan else f"run_planner with scenarios ['{plan_id}']"
     if job.kind == "boundary" and job.results:
         return f"render ids ['{job.results[-1]}'], or repeat explore_boundary for the safe and unsafe shares"
     batches = _batches(job)
