@@ -131,3 +131,8 @@ def test_clauses_common_to_all_sentences_are_stated_once() -> None:
     )
     assert without_shared_clauses([first]) == ([first], [])
     assert without_shared_clauses(["a; b", "c; d"]) == (["a; b", "c; d"], [])
+
+
+@pytest.mark.parametrize(("count", "text"), [(1, "1 road user of unknown type"), (3, "3 road users of unknown type")])
+def test_a_type_of_several_words_has_its_plural_at_the_noun(count: int, text: str) -> None:
+    assert counted(count, "unknown") == text

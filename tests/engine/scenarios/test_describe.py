@@ -193,7 +193,7 @@ def test_an_ego_off_the_road_is_on_no_lanelet(tmp_path: Path) -> None:
 def test_the_checks_name_problems(tmp_path: Path) -> None:
     path = replace(town_road(), problems=(Problem(start=(70.0, 0.0, 0.0, 10.0)),)).write(tmp_path / "hit.xml")
     checks = described(path, "checks").checks
-    assert any(check.startswith("problem: the ego overlaps vehicle 31") for check in checks)
+    assert any(check.startswith("problem: the ego overlaps obstacle 31") for check in checks)
     assert "ok: lanelets lead from the ego's start to its goal" in checks
 
 
