@@ -266,7 +266,7 @@ CASES: dict[str, Case] = {
         {"scenario": "cut_in", "configs": ["keep_lane"], "points": 30, "references": False},
         (
             Bad({"scenario": "cut_inn"}, ("cut_inn", "cut_in")),
-            Bad({"scenario": "nhtsa:8"}, ("backing up", "nhtsa:26")),
+            Bad({"scenario": "nhtsa:8"}, ("backing up", "nhtsa:3")),
             Bad({"scenario": "cut_in", "over": ["gap=1..2"]}, ("'gap'", "gap_m")),
             Bad({"scenario": "cut_in", "over": ["gap_m=9..3"]}, ("gap_m",)),
             Bad(
@@ -280,7 +280,7 @@ CASES: dict[str, Case] = {
     "compare_results": Case(
         {"results": ["<batch>"]},
         (
-            Bad({"results": ["<run>"]}, ("side",)),
+            Bad({"results": ["<run>"]}, ("compared",)),
             Bad({"results": ["<batch>"], "metrics": ["speed"]}, ("speed", "mean_speed_mps")),
             Bad({"results": ["run_000000000000", "<run>"]}, ("run_000000000000",)),
         ),
