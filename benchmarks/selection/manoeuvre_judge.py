@@ -3,6 +3,14 @@
 A road user is in the ego's lane if its centre is in the area of the lanelets that the ego follows. The ego keeps its
 initial speed unless the file holds its recording. A value near a threshold of the vocabulary's definitions (3 s of
 headway, 3.4 m/s², half a lane) is undecided, so that no figure depends on rounding.
+
+- A turn is a change of direction at a junction, where the ego's way shares ground with other roads. A bend of a road
+  elsewhere is not a turn. Two junctions are two turns.
+- The turn at a roundabout is that from its entry arm to its exit arm.
+- A vehicle changes from the lane that it leaves at the edge of the ego's lane. A vehicle that follows its own lane
+  until this joins the ego's lane merges; it does not cut in.
+- A vehicle that comes across the ego's road and turns into its lane neither merges nor cuts in: it drives along the
+  ego's lane already when it is outside of it.
 """
 
 import heapq
@@ -26,6 +34,11 @@ EGO = ("ego_turns_left", "ego_turns_right", "ego_turns_back", "ego_changes_lane"
 _EGO_LENGTH_M = 4.5
 _NOT_DRIVEN = ("pedestrian", "bicycle", "pillar", "buildings", "constructionZone", "roadBoundary", "unknown")
 _NEAR_M, _AROUND_M = 100.0, 14.0
+_READINGS = ((9, 3, 15.0), (45, 3, 30.0), (9, 20, 45.0))
+"""Three readings of a turn, in m: junctions at most so far apart are one, so much of the approach and the exit belongs
+to the turn, and so far from a roundabout its arms have their direction. In law, roadways 30 feet or more apart form
+two junctions (Uniform Vehicle Code 1-132)."""
+_RING_ARM_M = 25.0
 
 
 class Answer(Enum):
@@ -187,41 +200,132 @@ class Judge:
         ends = [whole.project(shapely.Point(place)) for place in start.goal_places]
         end = ends[0] if ends and not start.goals else whole.length
         at = np.arange(begin, end, 1.0)
-        if len(at) < 12:
-            return dict.fromkeys(
-                ("ego_turns_left", "ego_turns_right", "ego_turns_back", "unprotected_left"), Answer.OPEN
-            )
+        passages = self._rings_passed(route, whole)
+        names = ("ego_turns_left", "ego_turns_right", "ego_turns_back", "unprotected_left")
+        if len(at) < 12 or passages is None:
+            return dict.fromkeys(names, Answer.OPEN)
         points = shapely.get_coordinates(shapely.line_interpolate_point(whole, at))
         steps = np.diff(points, axis=0)
-        headings = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
-        window = min(40, len(headings) - 1)
-        changes = np.degrees(headings[window:] - headings[:-window])
-        forks = any(len(self._lanelets[key].successors) > 1 for key in route[:-1])
-        left, right = float(changes.max()), float(-changes.min())
-        back = abs(float(np.degrees(headings[-1] - headings[0])))
+        headings = np.degrees(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])))
+        at = at[:-1]
+        shared = self._shared_ground(route, points[:-1])
+        for enters, leaves in passages:
+            shared &= (at < enters - _RING_ARM_M) | (at > leaves + _RING_ARM_M)
+        readings = []
+        for one_junction_m, aside_m, arm_m in _READINGS:
+            turned = [
+                float(headings[min(last + aside_m, len(at) - 1)] - headings[max(first - aside_m, 0)])
+                for first, last in _stretches(shared, one_junction_m)
+            ]
+            for enters, leaves in passages:
+                entry, exit_ = (self._arm(route, whole, station, arm_m) for station in (enters, -leaves))
+                if entry is None or exit_ is None:
+                    return dict.fromkeys(names, Answer.OPEN)  # the ego starts or ends inside, or the map does
+                turned.append(math.degrees(float(_turned(np.array(exit_ - entry)))))
+            readings.append(turned)
         found = {
-            "ego_turns_left": _graded(left, 25.0, 65.0, sure=forks and left < 130.0 and right < 25.0),
-            "ego_turns_right": _graded(right, 25.0, 65.0, sure=forks and right < 130.0 and left < 25.0),
-            "ego_turns_back": _graded(back, 130.0, 160.0, sure=back < 200.0),
+            "ego_turns_left": _agreed(readings, 25.0, 65.0, 130.0),
+            "ego_turns_right": _agreed([[-one for one in turned] for turned in readings], 25.0, 65.0, 130.0),
+            "ego_turns_back": _agreed([[abs(one) for one in turned] for turned in readings], 130.0, 160.0, 200.0),
         }
         found["unprotected_left"] = Answer.NO if found["ego_turns_left"] is Answer.NO else Answer.OPEN
         if found["ego_turns_left"] is Answer.YES:
-            found["unprotected_left"] = self._unprotected(route, line, headings)
+            found["unprotected_left"] = self._unprotected(route, whole, begin)
         return found
 
-    def _unprotected(self, route: list[int], line: Values, headings: Values) -> Answer:
+    def _shared_ground(self, route: list[int], points: Values) -> NDArray[np.bool_]:
+        """Return which points of the ego's way other roads share: the ground of a junction.
+
+        Lanes next to those of the route belong to its own road.
+        """
+        rows = {other for key in route for other in self._row(key)}
+        own = rows | {other for key in rows for other in self._lanelets[key].opposite}
+        places = shapely.points(points)
+        shared = np.zeros(len(points), dtype=bool)
+        for key, lane in self._lanelets.items():
+            if key not in own:
+                shared |= shapely.contains(lane.area.buffer(-0.2), places)
+        return shared
+
+    def _rings_passed(self, route: list[int], whole: shapely.LineString) -> list[tuple[float, float]] | None:
+        """Return the stations at which the ego enters and leaves each roundabout; None if a cycle may be one."""
+        ends = np.cumsum([0.0, *(self._lanelets[key].length_m for key in route)]) * 1.0
+        ends *= whole.length / max(float(ends[-1]), 1e-6)
+        passed: list[tuple[float, float]] = []
+        ring: set[int] = set()
+        for index, key in enumerate(route):
+            if key in ring:
+                passed[-1] = (passed[-1][0], float(ends[index + 1]))
+                continue
+            cycle = self._cycle(key)
+            ring = set()
+            if not cycle or any(self._lanelets[one].opposite for one in cycle):
+                continue
+            around = shapely.Polygon(np.concatenate([self._lanelets[one].center for one in cycle]))
+            roundness = 4 * math.pi * around.area / max(around.length, 1e-6) ** 2
+            if roundness < 0.8:
+                continue
+            if roundness < 0.9:
+                return None
+            ring = set(cycle)
+            passed.append((float(ends[index]), float(ends[index + 1])))
+        return passed
+
+    def _arm(self, route: list[int], whole: shapely.LineString, station: float, arm_m: float) -> float | None:
+        """Return the heading of an entry arm before a station, or of an exit arm after a negated one."""
+        is_entry = station > 0.0
+        if (not is_entry and -station > whole.length - 1.0) or (is_entry and station < 1.0):
+            return None
+        if is_entry:
+            way = [route[0]]
+            while sum(self._lanelets[key].length_m for key in way[:-1]) < arm_m:
+                ahead = self._lanelets[way[0]].center
+                leading = [key for key, lane in self._lanelets.items() if way[0] in lane.successors and key not in way]
+                if not leading:
+                    break
+                way.insert(0, min(leading, key=lambda key: self._fits(key, ahead[0], _bearing(ahead[:3]))))
+            more = [*way[:-1], *route]
+            start = sum(self._lanelets[key].length_m for key in way[:-1]) + station - arm_m
+        else:
+            more = self._onward(route, whole.length + arm_m + 5.0)
+            start = -station + arm_m
+        line = shapely.LineString(np.concatenate([self._lanelets[key].center for key in more]))
+        if not 0.0 < start < line.length - 1.0:
+            return None
+        (x, y), (then_x, then_y) = (line.interpolate(at).coords[0] for at in (start, start + 1.0))
+        return math.atan2(then_y - y, then_x - x)
+
+    def _cycle(self, key: int) -> list[int]:
+        """Return the shortest way from a lanelet back to itself, if it is at most 400 m long."""
+        waiting = [(self._lanelets[key].length_m, [key])]
+        seen: set[int] = set()
+        while waiting:
+            length, way = heapq.heappop(waiting)
+            for other in self._lanelets[way[-1]].successors:
+                if other == key:
+                    return way
+                if other in self._lanelets and other not in seen:
+                    seen.add(other)
+                    longer = length + self._lanelets[other].length_m
+                    if longer <= 400.0:
+                        heapq.heappush(waiting, (longer, [*way, other]))
+        return []
+
+    def _unprotected(self, route: list[int], driven: shapely.LineString, begin: float) -> Answer:
         if any(self._lanelets[key].has_light for key in route[:-1]):
             return Answer.NO
         if self._lanelets[route[-1]].has_light:
             return Answer.OPEN
-        driven = shapely.LineString(line)
         angles = []
+        line = shapely.get_coordinates(driven)
         for key, lane in self._lanelets.items():
             other = shapely.LineString(lane.center)
             if key in route or not driven.crosses(other):
                 continue
             crossing = shapely.get_coordinates(driven.intersection(other))[0]
-            angles.append(abs(math.degrees(_turned(np.array(_direction(lane.center, crossing) - headings[0])))))
+            before = driven.interpolate(max(driven.project(shapely.Point(crossing)) - 30.0, begin))
+            approach = _direction(line, shapely.get_coordinates(before)[0])
+            angles.append(abs(math.degrees(_turned(np.array(_direction(lane.center, crossing) - approach)))))
         if any(angle > 150.0 for angle in angles):
             return Answer.YES
         return Answer.OPEN if any(angle > 115.0 for angle in angles) else Answer.NO
@@ -273,21 +377,18 @@ class Judge:
             before = _run(inside, index, -1)
             after = _run(inside, index + 1, 1)
             out, in_ = (before, after) if comes_in else (after, before)
-            deepest_out, deepest_in = float(-view.depths[out].min()), float(view.depths[in_].max())
-            if not along[index] or not along[index + 1]:
-                sure, possible = False, bool(view.turned[index] < math.radians(60.0))
-            else:
-                sure, possible = deepest_out > 0.25 and deepest_in > 0.35, deepest_out > 0.05 and deepest_in > 0.15
+            out = out[::-1] if comes_in else out  # from the edge on
+            deepest_in = float(view.depths[in_].max())
+            deepest = {angle: _deepest(view, out, angle) for angle in (45.0, 60.0)}
+            sure = bool(along[index] and along[index + 1]) and deepest[45.0] > 0.25 and deepest_in > 0.35
+            possible = bool(view.turned[index] < math.radians(60.0)) and deepest[60.0] > 0.05 and deepest_in > 0.15
             gap, limit = float(gaps[index + 1]), float(limits[index + 1])
             sure = sure and 1.0 < gap < 0.9 * limit
             possible = possible and -1.0 < gap < 1.1 * limit
             if not possible:
                 continue
             answer = Answer.YES if sure else Answer.OPEN
-            places = view.track.places[view.indices[out]]
-            far = places[int(np.argmin(view.depths[out]))]
-            heading = float(view.track.headings[view.indices[out]][int(np.argmin(view.depths[out]))])
-            from_ = [key for key in self._at(far) if key not in way and self._fits(key, far, heading) < math.pi / 4]
+            from_ = self._lanes_left(view, out, way)
             rows = {key for one in way for key in self._row(one)}
             is_next = [key in rows for key in from_]
             joins = [self._leads_to(key, way) for key in from_]
@@ -306,6 +407,15 @@ class Judge:
                 yield "cut_out", answer
             elif not from_ or any(is_next):
                 yield "cut_out", Answer.OPEN
+
+    def _lanes_left(self, view: "_View", out: NDArray[np.int_], way: set[int]) -> list[int]:
+        """Return the lanelets outside the ego's lane at the first of some indices that has any."""
+        for index in view.indices[out].tolist():
+            place, heading = view.track.places[index], float(view.track.headings[index])
+            lanes = [key for key in self._at(place) if key not in way and self._fits(key, place, heading) < math.pi / 4]
+            if lanes:
+                return lanes
+        return []
 
     def _row(self, key: int) -> set[int]:
         row, waiting = {key}, [key]
@@ -410,10 +520,22 @@ def _direction(line: Values, place: Values) -> float:
     return math.atan2(*(line[nearest + 1] - line[nearest])[::-1])
 
 
-def _graded(value: float, low: float, high: float, *, sure: bool) -> Answer:
-    if value < low:
+def _stretches(shared: NDArray[np.bool_], one_junction_m: int) -> list[tuple[int, int]]:
+    """Return the first and last index of each junction; stretches of shared ground at most so far apart are one."""
+    found: list[tuple[int, int]] = []
+    for index in np.flatnonzero(shared).tolist():
+        if found and index - found[-1][1] <= one_junction_m:
+            found[-1] = (found[-1][0], index)
+        else:
+            found.append((index, index))
+    return found
+
+
+def _agreed(readings: Sequence[Sequence[float]], low: float, high: float, most: float) -> Answer:
+    """Return the answer of all readings of the turns in degrees, or ``OPEN`` if they differ."""
+    if all(angle < low for turned in readings for angle in turned):
         return Answer.NO
-    return Answer.YES if value > high and sure else Answer.OPEN
+    return Answer.YES if all(any(high < angle < most for angle in turned) for turned in readings) else Answer.OPEN
 
 
 @dataclass(frozen=True)
@@ -471,6 +593,13 @@ def _run(inside: NDArray[np.bool_], index: int, direction: int) -> NDArray[np.in
     while 0 <= end + direction < len(inside) and inside[end + direction] == inside[index]:
         end += direction
     return np.arange(min(index, end), max(index, end) + 1)
+
+
+def _deepest(view: _View, out: NDArray[np.int_], most_deg: float) -> float:
+    """Return how far outside, in lane widths, a vehicle is while it drives along the lane, from its edge on."""
+    along = view.turned[out] < math.radians(most_deg)
+    kept = out[: int(np.argmin(along)) if not along.all() else len(out)]
+    return float(-view.depths[kept].min()) if len(kept) else 0.0
 
 
 def _brakes(view: _View, gaps: Values, limits: Values, dt: float) -> Answer:

@@ -148,8 +148,8 @@ _APART_M = 40.0
 class EgoRoute:
     """Lanelets from the ego's start to its goal, both included, and the ego's turns.
 
-    ``turns_rad``: heading change at each junction, inside its lanelets, left positive; ``bend_rad``: the heading change
-    of the whole route, from the heading at the start to that at the goal. ``length_m``: the distance along the
+    ``turns_rad``: heading change at each junction, from its first lanelet to its last, left positive; ``bend_rad``: the
+    heading change of the whole route, from the heading at the start to that at the goal. ``length_m``: the distance along the
     lanes from the start to the goal's region, or to the end of the last lanelet.
     """
 
@@ -303,13 +303,13 @@ def straightest_behind(line: Points, before: Mapping[int, Points]) -> int:
 def _turns(
     network: "LaneletNetwork", graph: LaneletGraph, lanelets: tuple[int, ...], start: Points, goal: Points | None
 ) -> tuple[float, ...]:
-    """Return the total heading change inside each junction's lanelets, from the start's station to the goal's.
+    """Return the heading change at each junction, from its first lanelet to its last, between start and goal.
 
     There is one total for each junction, so a route through a roundabout is at most one turn. At a roundabout, it is
     the angle between the arms (``_round``), since the lanes at a small ring bend away from their road.
     """
     sums: list[float] = []
-    since_fork_m, was_inside = math.inf, False
+    since_fork_m, left_at_rad, was_inside = math.inf, 0.0, False
     named = _in_intersections(network)
     rings = _round(network, graph, lanelets, start, goal)
     for index, key in enumerate(lanelets):
@@ -329,10 +329,13 @@ def _turns(
                 continue
             since_fork_m += max(end - begin - _APART_M, 0.0)
             begin = max(begin, end - _APART_M)  # before that, it is the approach road
-        turned = wrap_angle(point_at(line, end)[1] - point_at(line, begin)[1])
+        enters_at_rad = point_at(line, begin)[1]
         if since_fork_m > _APART_M:
             sums.append(0.0)
-        sums[-1] += turned
+        else:  # a bend between two forks of a junction belongs to the turn
+            sums[-1] += wrap_angle(enters_at_rad - left_at_rad)
+        left_at_rad = point_at(line, end)[1]
+        sums[-1] += wrap_angle(left_at_rad - enters_at_rad)
         since_fork_m = 0.0
     return tuple(sums)
 
@@ -351,8 +354,9 @@ def _round(
 ) -> list[_Round]:
     """Return the passages of a route around roundabouts.
 
-    The directions of the arms are those of the route over one diameter of the roundabout before and after it. The
-    lanelets on these stretches belong to the roundabout.
+    The directions of the arms are those of the route over one diameter of the roundabout before and after it. They are
+    properties of the roads, so they count in full even if the ego starts or ends close to the roundabout. The lanelets
+    that the ego drives on these stretches belong to the roundabout.
     """
     found: list[_Round] = []
     ends_m, parts = [0.0], []
@@ -380,15 +384,53 @@ def _round(
         enters_m, leaves_m = ends_m[index], ends_m[last + 1]
         first_m, last_m = max(enters_m - diameter_m, 0.0), min(leaves_m + diameter_m, ends_m[-1])
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
-        arriving = _arm(point_at(line, first_m)[0], *point_at(line, enters_m), middle)
+        joint, heading = point_at(line, enters_m)
+        approach = _approach(network, graph, lanelets[:index], diameter_m)
+        arriving = _arm(joint if approach is None else approach, joint, heading, middle)
         joint, heading = point_at(line, leaves_m)
-        leaving = _arm(point_at(line, last_m)[0], joint, heading + math.pi, middle)
+        exit_ = _exit(network, graph, lanelets[last + 1 :], diameter_m)
+        leaving = _arm(joint if exit_ is None else exit_, joint, heading + math.pi, middle)
         turned = wrap_angle(leaving + math.pi - arriving)
         before = next(one for one in range(len(lanelets)) if ends_m[one + 1] > first_m or one == index)
         behind = next((one for one in range(last, len(lanelets)) if ends_m[one + 1] >= last_m), last)
         found.append(_Round(before, behind, turned))
         index = behind + 1
     return found
+
+
+def _approach(
+    network: "LaneletNetwork", graph: LaneletGraph, lanelets: tuple[int, ...], before_m: float
+) -> Points | None:
+    """Return the point so far before the end of lanelets, also on the road that leads to them; None without any."""
+    if not lanelets:
+        return None
+    chain, line = [lanelets[0]], without_repeats(np.vstack([center_line(network, key) for key in lanelets]))
+    while float(arc_length(line)[-1]) < before_m:
+        leading = [key for key in graph.predecessors[chain[-1]] if key not in chain and key not in lanelets]
+        if not leading:
+            break
+        chain.append(min(leading, key=lambda key: (_bend_between(network, key, chain[-1]), key)))
+        line = without_repeats(np.vstack([center_line(network, chain[-1]), line]))
+    if len(line) < 2:
+        return None
+    return point_at(line, max(float(arc_length(line)[-1]) - before_m, 0.0))[0]
+
+
+def _bend_between(network: "LaneletNetwork", before: int, after: int) -> float:
+    """Return the absolute heading change from the end of one lanelet to the start of the next, in rad."""
+    one, two = center_line(network, before), center_line(network, after)
+    if len(one) < 2 or len(two) < 2:
+        return math.pi
+    return round(abs(wrap_angle(point_at(two, 0.0)[1] - point_at(one, float(arc_length(one)[-1]))[1])), 3)
+
+
+def _exit(network: "LaneletNetwork", graph: LaneletGraph, lanelets: tuple[int, ...], after_m: float) -> Points | None:
+    """Return the point so far after the start of lanelets, also on the road straight on from them; None without any."""
+    if not lanelets:
+        return None
+    onward = straight_on(network, graph, lanelets, after_m)
+    line = without_repeats(np.vstack([center_line(network, key) for key in onward]))
+    return point_at(line, after_m)[0] if len(line) > 1 else None
 
 
 def _arm(outside: Points, joint: Points, heading_rad: float, middle: Points) -> float:

@@ -124,3 +124,39 @@ def test_a_left_turn_that_is_divided_inside_the_junction_is_one_turn(tmp_path: P
     assert route is not None
     assert route.turns == ("left",)
     assert route.length_m == pytest.approx(60.0 + 10.0 * math.pi + 60.0, abs=0.5)
+
+
+def test_a_bend_between_two_forks_of_a_junction_belongs_to_its_turn(tmp_path: Path) -> None:
+    after, back = arc((100, -10), 10, math.pi / 2, math.pi / 6), arc((100, -10), 10, math.pi / 6, -math.pi / 12)
+    last = arc((100, -10), 10, -math.pi / 12, -math.pi / 2)
+    lanes = (
+        Lane(1, line((0, 0), (100, 0)), successors=(2, 6)),
+        Lane(2, after, predecessors=(1,), successors=(3,)),
+        Lane(3, back, predecessors=(2,), successors=(4, 7)),
+        Lane(4, last, predecessors=(3,), successors=(5,)),
+        Lane(5, line((100, -20), (0, -20)), predecessors=(4,)),
+        Lane(6, line((100, 0), (200, 0)), predecessors=(1,)),
+        Lane(7, line(back[-1], (back[-1][0] - 15, back[-1][1] - 60)), predecessors=(3,)),
+    )
+    assert _way(tmp_path, lanes, (40.0, -20.0))[0] == "turns back"
+
+
+def test_the_arms_of_a_roundabout_count_in_full_if_the_ego_starts_and_ends_next_to_it(tmp_path: Path) -> None:
+    quarters = [arc((65, 0), 20, math.pi + part * math.pi / 2, math.pi * 1.5 + part * math.pi / 2) for part in range(4)]
+    ring = [Lane(part + 1, side, ((part + 1) % 4 + 1,), ((part - 1) % 4 + 1,)) for part, side in enumerate(quarters)]
+    ring[0] = Lane(1, quarters[0], (2,), (4, 12))
+    ring[3] = Lane(4, quarters[3], (1, 13), (3,))
+    ring[1] = Lane(2, quarters[1], (3,), (1, 15))
+    lanes = (
+        *ring,
+        Lane(11, line((-60, -2), (38, -2)), successors=(12,), left=(14, False)),
+        Lane(12, ((38, -2), (41, -2.5), (43.5, -4), (45, 0)), successors=(1,), predecessors=(11,)),
+        Lane(13, ((45, 0), (43.5, 4), (41, 2.5), (38, 2)), successors=(14,), predecessors=(4,)),
+        Lane(14, line((38, 2), (-60, 2)), predecessors=(13,), left=(11, False)),
+        Lane(15, line((65, -80), (65, -20)), successors=(2,)),
+    )
+    problem = Problem(start=(42.0, -3.0, -0.5, 8.0), goal=(36.0, 2.0, 3.0, 3.0))
+    path = ScenarioBuilder(lanes, problems=(problem,)).write(tmp_path / "scenario.xml")
+    features = set(read_facts(ReadFactsRequest(path=path), silent).features)
+    assert "ego_turns_back" in features
+    assert not {"ego_turns_left", "ego_turns_right"} & features
