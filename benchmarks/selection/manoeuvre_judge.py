@@ -9,6 +9,7 @@ headway, 3.4 m/s², half a lane) is undecided, so that no figure depends on roun
 - The turn at a roundabout is that from its entry arm to its exit arm.
 - A vehicle changes from the lane that it leaves at the edge of the ego's lane. A vehicle that follows its own lane
   until this joins the ego's lane merges; it does not cut in.
+- A vehicle overtakes if it moves into the next lane itself; if the slower one leaves the lane for it, it only passes.
 - A vehicle that comes across the ego's road and turns into its lane neither merges nor cuts in: it drives along the
   ego's lane already when it is outside of it.
 """
@@ -339,7 +340,8 @@ class Judge:
             recorded = own[0].speeds[own[0].steps >= start.step][:count]
             speeds[: len(recorded)], speeds[len(recorded) :] = recorded, recorded[-1]
         driven = np.concatenate([[0.0], np.cumsum((speeds[1:] + speeds[:-1]) / 2 * self._dt)])
-        way = self._onward(route, float(driven[-1]) + 2 * _NEAR_M)
+        before_m = shapely.LineString(self._lanelets[route[0]].center).project(shapely.Point(start.place))
+        way = self._onward(route, before_m + float(driven[-1]) + 2 * _NEAR_M)
         lane = _EgoLane(self._lanelets, way)
         ego = lane.whole.project(shapely.Point(start.place)) + driven
         reach = max(float(ego[-1]), float(ego[0]) + _NEAR_M)
@@ -678,18 +680,23 @@ def _overtakes(one: _View, other: _View) -> Answer:
     ahead, apart = one.stations[mine] - other.stations[theirs], np.abs(one.asides[mine] - other.asides[theirs])
     length = (one.track.length_m + other.track.length_m) / 2
     moving = other.speeds[theirs]
-    loose = _passes(
-        (ahead < -length + 1) & (apart < 2.2), (np.abs(ahead) < length + 1) & (apart > 1.3), ahead > length - 1
-    )
-    if not loose:
+    behind, level = (ahead < -length + 1) & (apart < 2.2), (np.abs(ahead) < length + 1) & (apart > 1.3)
+    if not _passes(behind, level & (_moved(one.asides[mine], behind) > 1.2), ahead > length - 1):
         return Answer.NO
     near = np.maximum(np.abs(one.asides[mine]), np.abs(other.asides[theirs])) < 10.0
-    strict = _passes(
-        (ahead < -length - 1) & (apart < 1.0) & near & (moving > 1.0),
-        (np.abs(ahead) < length - 1) & (apart > 2.4) & near & (moving > 1.0),
-        (ahead > length + 1) & near & (moving > 1.0),
-    )
+    behind = (ahead < -length - 1) & (apart < 1.0) & near & (moving > 1.0)
+    level = (np.abs(ahead) < length - 1) & (apart > 2.4) & near & (moving > 1.0)
+    moved = _moved(one.asides[mine], behind) > 2.0
+    strict = _passes(behind, level & moved, (ahead > length + 1) & near & (moving > 1.0))
     return Answer.YES if strict else Answer.OPEN
+
+
+def _moved(asides: Values, behind: NDArray[np.bool_]) -> Values:
+    """Return how far aside, in m, a vehicle is at each sample from where it was behind another before; 0 if never."""
+    least = np.minimum.accumulate(np.where(behind, asides, np.inf))
+    most = np.maximum.accumulate(np.where(behind, asides, -np.inf))
+    moved: Values = np.where(np.isfinite(least), np.maximum(asides - least, most - asides), 0.0)
+    return moved
 
 
 def _passes(behind: NDArray[np.bool_], level: NDArray[np.bool_], passed: NDArray[np.bool_]) -> bool:

@@ -258,7 +258,9 @@ def _changes(network: "LaneletNetwork", graph: LaneletGraph, ego: _Ego, seen: _S
         at = int(between[np.argmax(nearer if comes_in else ~nearer)])  # when its centre passes the lane's edge
         if not ego.is_close(seen, at):
             continue
-        other = lanelets_at(network, seen.positions[before if comes_in else after])
+        outside = range(before, -1, -1) if comes_in else range(after, len(seen.positions))
+        others = (lanelets_at(network, seen.positions[index]) for index in outside)
+        other = next((lanelets for lanelets in others if lanelets), ())  # beyond the end of a lane there may be none
         is_next_lane = bool(graph.parallel_lanes(other) & ego.lanelets) if other else True
         if comes_in:
             joins = not is_next_lane and _joins(graph, other, ego.lanelets)
@@ -327,7 +329,10 @@ def _crossings(ego: _Ego, seen: _Seen) -> dict[str, int]:
 
 
 def _overtaking(driving: Sequence[_Seen], width_m: float) -> Iterator[Manoeuvre]:
-    """Yield vehicles that approach another from behind in its lane, pass it in the next lane and end up ahead."""
+    """Yield vehicles that approach another from behind in its lane, move into the next lane and end up ahead.
+
+    A vehicle that passes another one which leaves the lane for it does not overtake.
+    """
     for one in driving:
         if float(np.ptp(one.offsets)) < OUTSIDE * width_m:
             continue
@@ -348,7 +353,8 @@ def _overtakes(one: _Seen, other: _Seen, width_m: float) -> int | None:
     behind = np.flatnonzero((ahead < -length_m) & (apart < width_m / 2))
     level = np.flatnonzero((np.abs(ahead) < length_m) & (apart >= width_m / 2))
     passed = np.flatnonzero(ahead > length_m)
-    later = level[level > behind[0]] if len(behind) else level[:0]
+    own = one.offsets[mine]
+    later = [at for at in level.tolist() if np.any(np.abs(own[behind[behind < at]] - own[at]) >= width_m / 2)]
     if not len(later) or not np.any(passed > later[0]):
         return None
     return int(steps[later[0]])

@@ -125,3 +125,20 @@ def test_a_vehicle_that_turns_into_the_ego_s_lane_from_a_cross_street_does_not_s
     poses += [(110.0 + step, 0.0, 0.0, 10.0) for step in range(24)]
     found = answers(route_of(lanes, (250.0, 0.0), start_x=70.0).with_vehicles(Vehicle(77, tuple(poses))), tmp_path)
     assert Answer.YES not in (found["merging"], found["cut_in"])
+
+
+@pytest.mark.parametrize(("faster", "slower", "answer"), [(3.5, 0.0, Answer.YES), (0.0, -3.5, Answer.NO)])
+def test_the_vehicle_that_overtakes_changes_the_lane_itself(
+    faster: float, slower: float, answer: Answer, tmp_path: Path
+) -> None:
+    """Both are in one lane first; then either the faster or the slower one leaves it."""
+
+    def shifting(key: int, x: float, speed_mps: float, aside_m: float) -> Vehicle:
+        poses = [
+            (x + speed_mps * step * 0.1, aside_m * min(max((step - 5) / 20, 0.0), 1.0), 0.0, speed_mps)
+            for step in range(STEPS)
+        ]
+        return Vehicle(key, tuple(poses))
+
+    both = shifting(77, 60.0, 18.0, faster), shifting(78, 95.0, 8.0, slower)
+    assert answers(town_road().with_vehicles(*both), tmp_path)["overtaking"] is answer

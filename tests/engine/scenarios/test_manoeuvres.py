@@ -80,6 +80,13 @@ def test_traffic_without_manoeuvres_has_none(name: str, tmp_path: Path) -> None:
     assert facts.ego.manoeuvres == ()
 
 
+def test_a_vehicle_that_passes_one_that_leaves_the_lane_for_it_does_not_overtake(tmp_path: Path) -> None:
+    faster = moved(60.0, constant(18.0), shift(0.0, 3.5, 0.2, 1.2))
+    slower = replace(moved(95.0, constant(8.0), shift(3.5, 0.0, 1.5, 1.5)), vehicle_id=78)
+    facts = facts_of(town_road().with_vehicles(faster, slower), tmp_path)
+    assert "overtaking" not in facts.features
+
+
 def crossroads(*vehicles: Vehicle, goal: tuple[float, float] = (108.0, 80.0)) -> ScenarioBuilder:
     """Eastbound 1 forks into 2 (left, then 3 north) and 4 (straight on); westbound 5, 6 and 7 come the other way."""
     lanes = (
@@ -98,9 +105,12 @@ def crossroads(*vehicles: Vehicle, goal: tuple[float, float] = (108.0, 80.0)) ->
     return ScenarioBuilder(lanes, vehicles, problems=(Problem(start=start, goal=(*goal, 8.0, 3.0)),))
 
 
-@pytest.mark.parametrize(("ends_at_m", "name"), [(150.0, "merging"), (300.0, "cut_in")])
+@pytest.mark.parametrize(("ends_at_m", "name"), [(150.0, "merging"), (80.0, "merging"), (300.0, "cut_in")])
 def test_a_change_out_of_a_lane_that_ends_is_merging(ends_at_m: float, name: str, tmp_path: Path) -> None:
-    """Lane 2 next to the ego's lane 1 ends first, as an acceleration lane does, or where the file ends."""
+    """Lane 2 next to the ego's lane 1 ends first, as an acceleration lane does, or where the file ends.
+
+    At 80 m, the vehicle is past the end of its lane before it is in the ego's.
+    """
     goes_on = ends_at_m < 300.0
     lanes = [
         Lane(1, line((0, 0), (ends_at_m, 0)), successors=(11,) if goes_on else (), right=(2, True)),
