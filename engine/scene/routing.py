@@ -149,8 +149,8 @@ class EgoRoute:
     """Lanelets from the ego's start to its goal, both included, and the ego's turns.
 
     ``turns_rad``: heading change at each junction, from its first lanelet to its last, left positive; ``bend_rad``: the
-    heading change of the whole route, from the heading at the start to that at the goal. ``length_m``: the distance along the
-    lanes from the start to the goal's region, or to the end of the last lanelet.
+    heading change of the whole route, from the heading at the start to that at the goal. ``length_m``: the
+    distance along the lanes from the start to the goal's region, or to the end of the last lanelet.
     """
 
     lanelets: tuple[int, ...]
