@@ -37,6 +37,7 @@ from .naming.spellings import (
     MOST_KEPT,
     adds_number,
     distinctive,
+    enclitics_of,
     ends_in_section,
     has_same_numbers,
     has_words_of,
@@ -758,6 +759,7 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
                 or _read_roads_in_a_phrase(part, facts, closeness)
                 or _read_after_proclitic(part, facts, closeness)
                 or (_read_with_postcode(part, facts, closeness) if part != listed[0] else None)
+                or (_read_own_town_and_more(part, facts) if part != listed[0] else None)
             )
             if found is None and country_code(part) not in (None, *_countries(facts)) and len(part) > 3:
                 return None
@@ -971,6 +973,15 @@ def _read_settlement(part: str, facts: MapFacts, *, wide: bool) -> _Reading | No
     return None
 
 
+def _read_own_town_and_more(part: str, facts: MapFacts) -> _Reading | None:
+    """Read the text behind a road as the map's town with a word for a part that no gazetteer has (``Nairobi CBD``)."""
+    head, _, tail = part.rpartition(" ")
+    is_town = bool(head) and not place_keys(head).isdisjoint(place_keys(facts.place))
+    if not is_town or not tail.isalpha() or settlements_called(part) or _is_around(part, facts):
+        return None
+    return _Reading(placed=True, understood=(f"{part!r} is read as {head}: the map has no part called {tail!r}",))
+
+
 def _read_postal_district(part: str, facts: MapFacts) -> _Reading | None:
     """Read the text as a place of the map with a district number (``Dublin 4``, ``Praha 5``)."""
     unnumbered = _DISTRICT_NUMBER.sub("", part)
@@ -989,6 +1000,8 @@ def _read_with_postcode(part: str, facts: MapFacts, closeness: Closeness) -> _Re
     Only a text behind a road can be read so: the road of ``A40 London`` is no postcode.
     """
     town = _POSTCODE.sub("", part)
+    if town != part and _is_around(town, facts):  # the part after a town: ``PA 19104``
+        return _Reading(around=True, understood=(f"the postcode in {part!r} is not used",))
     head, _, state = town.rpartition(" ")
     named = head if _is_state_code(state, facts) else town
     if town == part or names_a_street(named):
@@ -1341,23 +1354,24 @@ def _read_roads_in_a_phrase(text: str, facts: MapFacts, closeness: Closeness) ->
     The text must have the whole name of each road, with up to three words before the names and up to two between and
     after them. These words may not look like names: only the first may have a capital letter. A word between the names
     may be written together with the second one (``פינת הרצל ואלנבי``). If no names fit, the roads' names in other
-    grammatical forms do (``угол Северной и Новороссийской``).
+    grammatical forms do (``угол Северной и Новороссийской``), or else parts of the names, as people shorten the roads
+    of a crossing (``Straszewskiego róg Piłsudskiego``).
     """
     words = _CROSSING_SIGNS.sub(lambda sign: f" {sign[0]} ", text).split()
     if len(words) > _MOST_WORDS:
         return None
-    phrases = [words, *([*words[:index], *pair, *words[index + 1 :]] for index, pair in _proclitics_in(words))]
-    readers = (partial(_read_road, whole=True), _read_inflected)
-    for read in readers[: 2 if closeness >= Closeness.HEARD else 1]:
+    phrases = [words, *([*words[:index], *pair, *words[index + 1 :]] for index, pair in _clitics_in(words))]
+    readers = (partial(_read_road, whole=True), _read_inflected, partial(_read_road, short=True))
+    for read in readers[: 3 if closeness >= Closeness.PART else 2 if closeness >= Closeness.HEARD else 1]:
         for first, second in (pair for phrase in phrases for pair in _two_roads(phrase)):
             if (one := read(first, facts)) is not None and (other := read(second, facts)) is not None:
                 return one + other
     return None
 
 
-def _proclitics_in(words: Sequence[str]) -> Iterator[tuple[int, tuple[str, str]]]:
-    """Yield the ways to split a word into short words and a longer one, with the position of the word."""
-    return ((index, pair) for index, word in enumerate(words) for pair in proclitics_of(word))
+def _clitics_in(words: Sequence[str]) -> Iterator[tuple[int, tuple[str, str]]]:
+    """Yield the ways to split a word into a longer one and short words before or after it, with its position."""
+    return ((index, pair) for index, word in enumerate(words) for pair in (*proclitics_of(word), *enclitics_of(word)))
 
 
 def _read_after_proclitic(part: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:

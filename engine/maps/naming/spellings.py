@@ -197,6 +197,8 @@ _PROCLITICS = re.compile(r"[\u05d5\u05d4\u05d1\u05db\u05dc\u05de\u05e9]|\u0627\u
 """Words of one or two letters that Hebrew and Arabic write as part of the next word, all of them: *and*, *the*, *in*,
 *as*, *to*, *from*, *that* (ו ה ב כ ל מ ש); *the*, *and*, *then*, *in*, *as*, *to* (ال و ف ب ك ل).
 """
+_ENCLITICS = frozenset("와과")
+"""Korean's “and”, in its two forms after a vowel and a consonant, which is written as part of the word before it."""
 _MOST_PROCLITICS, _SHORTEST_AFTER = 2, 2
 """Maximum number of such words before one word, and minimum letters of the rest (chosen): a letter alone is no name."""
 _SHORTEST_VOWELLESS = 4
@@ -464,6 +466,12 @@ def proclitics_of(word: str) -> tuple[tuple[str, str], ...]:
             break
         found.append((word[: len(word) - len(rest)].rstrip(_HYPHENS), rest))
     return tuple(found)
+
+
+def enclitics_of(word: str) -> tuple[tuple[str, str], ...]:
+    """Return the ways to read a word as a name with a Korean “and” written together with it (``뚝섬로와``)."""
+    name, short = word[:-1], word[-1:]
+    return ((name, short),) if short in _ENCLITICS and sum(map(str.isalnum, name)) >= _SHORTEST_AFTER else ()
 
 
 def words_of_name(name: str) -> tuple[str, ...]:

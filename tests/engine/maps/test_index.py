@@ -208,6 +208,17 @@ def test_a_word_between_two_roads_may_be_written_together_with_the_second_one(
     assert crossed(place, *HEBREW, *ARABIC) == tuple((name,) for name in streets)
 
 
+@pytest.mark.parametrize("place", ["세종대로와 을지로 교차로", "을지로와 세종대로 사거리", "세종대로와 을지로"])
+def test_a_word_between_two_roads_may_be_written_together_with_the_first_one(place: str) -> None:
+    assert {*crossed(place, "세종대로", "을지로", "종로")} == {("세종대로",), ("을지로",)}
+
+
+@pytest.mark.parametrize("place", ["Kościuszki róg Mickiewicza", "ul. Kościuszki przy Mickiewicza"])
+def test_people_shorten_the_roads_of_a_crossing_in_a_phrase(place: str) -> None:
+    streets = ("Generała Tadeusza Kościuszki", "Adama Mickiewicza", "Długa")
+    assert crossed(place, *streets) == tuple((name,) for name in streets[:2])
+
+
 @pytest.mark.parametrize("place", ["ברחוב הרצל", "בהרצל", "רחוב הרצל"])
 def test_a_road_may_have_a_preposition_or_a_kind_of_road_in_front(place: str) -> None:
     assert crossed(place, *HEBREW) == (("הרצל",),)
