@@ -97,7 +97,7 @@ def _routes_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ..
         raise InvalidRequest(
             "set_goal takes either a lanelet in 'to' or a 'turn' at the next fork, not both"
             if edit.to
-            else "set_goal needs a lanelet in 'to', or a 'turn' at the next fork",
+            else "set_goal needs either a lanelet in 'to' or a 'turn' at the next fork",
             valid=near,
             next_step="give one that the ego reaches, or turn=left, right or straight",
             remedies=[with_values(turn=None, to=[str(key)]) for key in near[:_AHEAD_TRIED]],

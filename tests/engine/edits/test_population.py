@@ -226,7 +226,7 @@ def test_it_enters_no_faster_than_the_curves_ahead_allow_however_fast_the_traffi
         Lane(2, arc((60.0, 12.0), 12.0, -math.pi / 2, 0.0, 21), successors=(3,), predecessors=(1,)),
         Lane(3, line((72.0, 12.0), (72.0, 200.0)), predecessors=(2,)),
     )
-    fast = ScenarioBuilder(corner, (driving(31, (0.0, 0.0), 20.0, 20),))
+    fast = ScenarioBuilder(corner, (driving(31, (0.0, 0.0), 20.0, 20),), problems=())
     speeds_mps = []
     for place in ("35m", "55m"):
         applied = apply(CAR | {"at": "1", "position": place}, builder=fast)
@@ -300,7 +300,7 @@ def test_a_vehicle_without_departure_enters_when_the_ego_starts(apply: Apply) ->
 
 def test_an_added_vehicle_tells_its_speed_place_and_gaps(apply: Apply) -> None:
     what = apply(CAR | {"at": "ego", "offset_m": 12}, builder=SHORT, dry_run=True).outcome.edits[0].what
-    assert "(12 m ahead of the ego)" in what
+    assert "(12 m ahead of the ego, same lane)" in what
     gaps = r"gaps: [\d.]+ m \([\d.]+ s\) to vehicle \d+ ahead, [\d.]+ m \([\d.]+ s\) to the ego behind"
     assert re.search(rf"m/s \(like vehicle \d+, the nearest in the lane\) from 0 s, {gaps}", what)
     alone = apply(CAR | {"at": "3", "speed": "5m/s"}, builder=SHORT, dry_run=True).outcome.edits[0].what
