@@ -276,7 +276,7 @@ def _planners() -> FacetCounts:
     presets = "; ".join(f"of {', '.join(names)}: {presets}" for presets, names in planners_of.items())
     counts = dict.fromkeys(planner_names(), 0)
     return FacetCounts(
-        facet="planners", counts=counts, note=f"write PLANNER:PRESET; presets of all: Default; {presets}"
+        facet="planners", counts=counts, note=f"PLANNER:PRESET; all have Default; {presets}"
     )
 
 

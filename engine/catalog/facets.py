@@ -47,7 +47,7 @@ def _places(pairs: list[tuple[str, str]], whole: bool) -> list[FacetCounts]:
     countries = _counted([country for country, _ in pairs if country != ARTIFICIAL])
     artificial = sum(country == ARTIFICIAL for country, _ in pairs)
     no_country = (
-        f"not counted: {counted(artificial, 'scenario')} on artificial networks, country {ARTIFICIAL}"
+        f"without {artificial} on artificial networks, {ARTIFICIAL}"
         if artificial
         else ""
     )
@@ -87,7 +87,7 @@ def _words(
     plain = {word: count for word, count in counts.items() if ":" not in word}
     typed = next((word for word in counts if ":" in word), "")
     notes = [
-        *([f"narrowed to a type of road user: {typed}"] if typed else []),
+        *([f"also {typed}"] if typed else []),
         *([f"in no scenario: {', '.join(none)}"] if none else []),
     ]
     return [FacetCounts(facet=facet, counts=plain, note="; ".join(notes))]
@@ -119,7 +119,7 @@ def _road_net(
     limits = connection.execute("SELECT kmh, number FROM catalog_limits WHERE scope = 'ego'").fetchall()
     posted = _counted([f"{row[0]:g}" for row in limits if row[1] in numbers])
     with_limit = len({row[1] for row in limits if row[1] in numbers})
-    note = "on the ego's lane; @map: anywhere on the map"
+    note = "on the ego's lane; @map: anywhere"
     note += "" if whole or not none else f"; {counted(len(none), 'key')} in no scenario"
     shown = {**on_ego, **on_map, **extra} if whole else _first(on_ego, KEYS_SHOWN) | _first(on_map, KEYS_SHOWN)
     limit_note = "; ".join(_about_limits(posted, with_limit, len(posted) if whole else LIMITS_SHOWN))
@@ -135,7 +135,7 @@ def _about_limits(posted: dict[str, int], scenarios: int, shown: int) -> Iterato
     """Yield notes on the counts by limit, which may add up to more than the number of scenarios with a limit."""
     yield f"km/h, on the ego's lane in {counted(scenarios, 'scenario')}"
     if sum(posted.values()) > scenarios:
-        yield "a scenario with several limits counts for each"
+        yield "some have several"
     if len(posted) > shown:
         yield f"{counted(len(posted) - shown, 'more limit')}: facet=road_net"
 

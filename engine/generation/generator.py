@@ -83,7 +83,9 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
         report(0.0, "reading the map")
         osm = read_map_file(Path(request.map_path))
         report(0.02, "looking for sites")
-        request, taken = with_streets_that_meet(osm, request)
+        taken = list[str]()
+        if request.longer_streets:
+            request, taken = with_streets_that_meet(osm, request)
         sites = fitting_sites(osm, request)
         if request.site_index >= len(sites):
             raise NotPossible(

@@ -59,7 +59,7 @@ async def test_the_search_for_an_encounter_shows_its_progress(tmp_path: Path, mo
     whole = WorkflowContext(call_in_process(workspace).services, shown)
     generated = ScenarioSummary.model_construct(scenario_id=BASE, notes=[], encounter="")
     await critical_scenarios.with_encounter(whole.within(0.5, 1.0), generated, "raised", 0)
-    assert len(shares) > 5
+    assert len(shares) > 1
     assert shares == sorted(shares)
     assert 0.5 <= shares[0] < shares[-1] <= 1.0
 

@@ -133,7 +133,7 @@ def site() -> AssignedSite:
 
 
 def test_all_that_makes_a_scenario_is_recorded() -> None:
-    changes = {"most_sites": 1, "most_rounds": 1}
+    changes = {"most_sites": 1, "most_rounds": 1, "longer_streets": (("Mill Road",),)}
     request = request_for(read(conditions=["weather=fog", "others=cut_in"]), site(), 0).model_copy(update=changes)
     unrecorded = GenerationRequest.model_fields.keys() - recipe_of(request).arguments.keys()
     assert unrecorded == {"map_path", "folder", "benchmark_number", "seed", "longest_s"}

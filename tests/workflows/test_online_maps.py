@@ -191,7 +191,7 @@ async def test_an_invented_place_is_not_a_failure_of_the_service(
         assert "GeoNames" in invented
         real, _ = await generate(client, place="Ouagadougou")
         assert real.startswith("[service_failure]")
-        assert "only local maps are searched" in real
+        assert "only local maps are available" in real
         assert "Next: call again" not in real
         street, _ = await generate(client, place="Moonlight Alley, Kreiselheim")
         assert "“Kreiselheim”" in street

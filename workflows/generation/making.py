@@ -169,7 +169,7 @@ def _density(density: DensityFacts) -> str:
 _RECORDED = (
     *("map_id", "place", "country", "attribution", "scenario_type", "streets", "bbox", "road_classes", "density"),
     *("vehicles", "duration_s", "ego", "goal", "index", "site_index", "site_step", "most_sites", "most_rounds"),
-    *("conditions", "others", "longest_s"),
+    *("conditions", "others", "longest_s", "longer_streets"),
 )
 """The fields of a request in a recipe, in the order that recipes have always used."""
 

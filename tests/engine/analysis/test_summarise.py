@@ -83,7 +83,7 @@ def test_several_configurations_are_pooled_only_on_request() -> None:
     assert [group.failed_runs for group in apart.groups] == [{}, {"collision": (runs[1].record.run_id,)}]
     main = [one for one in apart.findings if one.name == "main_failure"]
     assert [one.run_ids for one in main] == [(runs[1].record.run_id,)]
-    assert all("1 of 1 valid runs" in one.statement for one in main), "the other configuration's runs are not its own"
+    assert all("1 of 1 valid run" in one.statement for one in main), "the other configuration's runs are not its own"
     assert [(group.success.count, group.success.of) for group in apart.groups] == [(1, 1), (0, 1)]
     assert len(analysed(*runs, breakdown="country").groups) == 2
     pooled = analysed(*runs, breakdown="pooled")
@@ -341,7 +341,7 @@ def test_a_finding_counts_all_of_its_runs_and_names_the_first() -> None:
     assert (len(finding.run_ids), finding.run_count) == (8, 12)
     assert {one.run_id for one in finding.moments} == set(finding.run_ids), "each run has the moment to look at"
     named = [f"{one.run_id} ({one.time_s:.1f} s)" for one in finding.moments[:2]]
-    assert f"Runs: {' '.join(named)} +10" in result.to_text()
+    assert f"Runs: {', '.join(named)} and 10 more" in result.to_text()
 
 
 STEERING = LimitExcess(name="steering rate", value=0.75, limit=0.4, unit="rad/s", time_s=2.3)

@@ -47,7 +47,7 @@ def ladder() -> sqlite3.Connection:
         ({"ego_speed": "60m/s"}, "initial speeds in m/s: 40, 39, 38"),
         ({"road_net": ["lanes>=8"]}, "lanes: 6, 5, 4, 3, 2, 1"),
         ({"road_net": ["speed_limit=90km/h"]}, "limits in km/h: 100, 30"),
-        ({"features": ["horizon>=60s"]}, "horizon: 5"),
+        ({"features": ["horizon>=60s"]}, "horizon in s: 5"),
         ({"tags": ["multi_lane"]}, "tags: two_lane"),
         ({"features": ["intersection"]}, "features: "),
         ({"road_net": ["no_overtaking"]}, "signs on the ego's lane: "),

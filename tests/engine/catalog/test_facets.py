@@ -69,7 +69,7 @@ def test_unused_values_of_all_facets_are_in_a_note(three: sqlite3.Connection) ->
     assert found["places"] == ""
     # On the maps: stop, yield and a light; speed_limit is a sign that limits stand for.
     missing = {*SIGNS, "traffic_light"} - {"stop", "yield", "traffic_light", "speed_limit"}
-    assert found["road_net"] == f"on the ego's lane; @map: anywhere on the map; {len(missing)} keys in no scenario"
+    assert found["road_net"] == f"on the ego's lane; @map: anywhere; {len(missing)} keys in no scenario"
 
 
 def test_signs_are_counted_on_the_ego_s_lane_and_on_the_map(three: sqlite3.Connection) -> None:
@@ -78,7 +78,7 @@ def test_signs_are_counted_on_the_ego_s_lane_and_on_the_map(three: sqlite3.Conne
     on_lane = {"stop": 1, "speed_limit": 2}
     assert held == on_lane | {"stop@map": 2, "yield@map": 1, "traffic_light@map": 1, "speed_limit@map": 1}
     assert {*SIGNS, "traffic_light"} <= {name.removesuffix("@map") for name in whole}
-    assert notes(three, "road_net")["road_net"] == "on the ego's lane; @map: anywhere on the map"
+    assert notes(three, "road_net")["road_net"] == "on the ego's lane; @map: anywhere"
 
 
 def test_only_requested_facets_are_counted(three: sqlite3.Connection) -> None:

@@ -141,7 +141,7 @@ def test_an_unused_origin_lists_the_existing_ones(three: sqlite3.Connection) -> 
 def test_lists_of_places_contain_only_places(three: sqlite3.Connection) -> None:
     _, facets = scenario_facets(three, "places", None)
     assert [list(facet.counts) for facet in facets] == [["DEU", "ESP"], ["DEU Bonn", "ESP Vigo"]]
-    assert facets[0].note == "not counted: 1 scenario on artificial networks, country ZAM"
+    assert facets[0].note == "without 1 on artificial networks, ZAM"
     found = answer(three, city="Atlantis")
     assert found.emptied_by is not None
     assert "Test" not in found.emptied_by.note

@@ -17,7 +17,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("modB-d041", {"op": "set_behaviour", "vehicles": ["317"], "preset": "drunk"}, "no behaviour preset 'drunk'"),
     ("modB-d045", {"op": "set_behaviour", "vehicles": ["class:truck"], "preset": "cautious"}, "has no truck"),
     ("modB-d046", {"op": "set_behaviour", "vehicles": ["338"], "params": ["tau=-1"]}, "tau=-1 is out of range"),
-    ("modB-d048", {"op": "set_behaviour", "vehicles": ["ego"], "preset": "cautious"}, "is the ego"),
+    ("modB-d048", {"op": "set_behaviour", "vehicles": ["ego"], "preset": "cautious"}, "drives the ego"),
     ("modG-d041", {"op": "set_goal", "to": ["400"]}, "400 is not a lanelet"),
     ("modG-d045", {"op": "set_goal", "to": ["1245"], "position": "beginning"}, "1245 cannot be reached by the ego"),
     ("modG-d047", {"op": "set_goal", "to": ["35"], "rectangle_m": [6.0, 0.0]}, "not a goal region"),
@@ -28,7 +28,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("modP-d050", {"op": "remove_vehicle", "vehicles": ["one:car"]}, "there are"),
     ("modT-d041", {"op": "reroute", "vehicles": ["495"], "to": ["40"]}, "no vehicle 495"),
     ("modT-d046", {"op": "reroute", "vehicles": ["30736"], "to": ["430"]}, "430 cannot be reached by vehicle 30736"),
-    ("modT-d048", {"op": "reroute", "vehicles": ["ego"], "to": ["290"]}, "is the ego"),
+    ("modT-d048", {"op": "reroute", "vehicles": ["ego"], "to": ["290"]}, "drives the ego"),
     ("modT-d049", {"op": "reroute", "vehicles": ["30749"]}, "either 'to' or 'turn'"),
 ]
 

@@ -92,7 +92,7 @@ WRONG: list[tuple[dict[str, Any], str, str]] = [
     ({"op": "add_vehicle", "at": "1", "vehicle_class": "tram"}, "no vehicle class 'tram'", "car"),
     ({"op": "add_vehicle", "at": "1", "vehicle_class": "pedestrian", "speed": "9m/s"}, "9m/s", "4 m/s"),
     ({"op": "add_vehicle", "at": "1", "vehicle_class": "pedestrian", "preset": "eco"}, "preset", "at"),
-    ({"op": "set_goal"}, "either a lanelet in 'to' or a 'turn'", "2"),
+    ({"op": "set_goal"}, "a lanelet in 'to'", "2"),
     (GOAL | {"goal_time": "90..99s"}, "begins after the scenario's end", "<="),
     (GOAL | {"goal_time": "9..8s"}, "its start is above its end", "8s..9s"),
     (GOAL | {"goal_speed": "900km/h"}, "a car cannot drive at goal_speed", "m/s"),

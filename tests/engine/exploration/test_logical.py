@@ -76,7 +76,7 @@ def test_a_type_of_the_typology_names_its_usual_logical_scenario() -> None:
     assert pre_crash_type("cut_in") is None
     with pytest.raises(NotPossible) as refusal:
         logical_scenario("nhtsa:9")
-    assert refusal.value.valid[0] == "nhtsa:26"
+    assert refusal.value.valid[0] == "nhtsa:2"
     for number in ("0", "38", "x", ""):
         with pytest.raises(UnknownName):
             logical_scenario(f"nhtsa:{number}")

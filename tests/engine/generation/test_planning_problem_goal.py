@@ -91,7 +91,7 @@ def test_a_car_behind_replaces_a_waiting_one() -> None:
         ("later", True),
         ("later", False),
     ]
-    with pytest.raises(NotPossible, match="2 cars"):
+    with pytest.raises(NotPossible, match="2 tried"):
         choose_task(specs[1], cars[:3], road(), focus, 0.1)
 
 

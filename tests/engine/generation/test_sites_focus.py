@@ -48,7 +48,7 @@ def test_the_ego_of_a_roundabout_drives_on_the_ring(tmp_path: Path, seed: int) -
 
 def test_an_ego_that_misses_the_site_is_reported(tmp_path: Path) -> None:
     told = [
-        any("misses the ring" in note for note in found.notes)
+        any("does not pass the ring" in note for note in found.notes)
         for found in (generated(tmp_path, "Kreiselheim", "roundabout", ego=ego) for ego in ("first", "index:0"))
     ]
     assert told == [False, True]

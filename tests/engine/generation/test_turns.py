@@ -131,7 +131,7 @@ def test_a_turn_alone_chooses_a_type_of_site_that_has_it(tmp_path: Path) -> None
 
 def test_a_turn_that_the_site_lacks_is_refused_with_its_turns(tmp_path: Path) -> None:
     request = request_for("Kreiselheim", tmp_path, scenario_type="roundabout", goal="through:merge")
-    with pytest.raises(InvalidRequest, match=r"'merge' at a site of type roundabout.*through:left"):
+    with pytest.raises(InvalidRequest, match=r"'merge' at roundabout sites.*through:left"):
         generate_scenario(request, silent)
 
 
