@@ -260,7 +260,7 @@ def _changes(network: "LaneletNetwork", graph: LaneletGraph, ego: _Ego, seen: _S
             continue
         outside = range(before, -1, -1) if comes_in else range(after, len(seen.positions))
         others = (lanelets_at(network, seen.positions[index]) for index in outside)
-        other = next((lanelets for lanelets in others if lanelets), ())  # beyond the end of a lane there may be none
+        other = next((lanelets for lanelets in others if lanelets), ())  # beyond the end of a lane it may be on no lane
         is_next_lane = bool(graph.parallel_lanes(other) & ego.lanelets) if other else True
         if comes_in:
             joins = not is_next_lane and _joins(graph, other, ego.lanelets)

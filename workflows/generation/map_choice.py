@@ -137,7 +137,7 @@ def _no_such_site(scenario_type: ScenarioType, matches: Sequence[MapMatch]) -> N
     names = [f"{cited(f.place)} ({f.map_id})" for f in facts[:_SHOWN_PLACES]]
     more = f" and {len(facts) - _SHOWN_PLACES} more" * (len(facts) > _SHOWN_PLACES)
     return NotPossible(
-        f"none of the {len(facts)} matching maps has a {scenario_type} site: {', '.join(names)}{more}",
+        f"no {scenario_type} site on any of the {len(facts)} matching maps: {', '.join(names)}{more}",
         valid=sorted({kind for f in facts for kind in f.sites}),
         next_step="choose one of these scenario types, which the maps have, or another place",
         reason="no_such_site",
