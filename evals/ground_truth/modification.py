@@ -214,7 +214,7 @@ CORPUS: Final[Mapping[str, tuple[tuple[EditWords, ...], tuple[str, ...]]]] = {
     "modT-d041": (({"op": "reroute", "vehicles": ["495"], "to": ["40"]},), ("no vehicle 495",)),
     "modT-d042": (({"op": "reroute", "vehicles": ["31033"], "to": ["402"]},), ("no vehicle 31033",)),
     "modT-d043": (({"op": "reroute", "vehicles": ["332"], "to": ["338"]},), ("338 is not a lanelet",)),
-    "modT-d048": (({"op": "reroute", "vehicles": ["ego"], "to": ["290"]},), ("is the ego", "set_goal")),
+    "modT-d048": (({"op": "reroute", "vehicles": ["ego"], "to": ["290"]},), ("drives the ego", "set_goal")),
     "modT-d049": (({"op": "reroute", "vehicles": ["30749"]},), ("'to'",)),
     "modT-d050": (({"op": "reroute", "vehicles": ["one:motorcycle"], "to": ["1155"]},), ("there are", "motorcycle")),
     "modB-d041": (({"op": "set_behaviour", "vehicles": ["317"], "preset": "drunk"},), ("preset 'drunk'",)),
@@ -226,7 +226,7 @@ CORPUS: Final[Mapping[str, tuple[tuple[EditWords, ...], tuple[str, ...]]]] = {
     "modB-d047": (({"op": "set_behaviour", "vehicles": ["523"], "params": ["hornLevel=0.7"]},), ("'hornLevel'",)),
     "modB-d048": (
         ({"op": "set_behaviour", "vehicles": ["ego"], "preset": "cautious"},),
-        ("is the ego", "configure_planner"),
+        ("drives the ego", "configure_planner"),
     ),
     "modB-d049": (({"op": "set_behaviour", "vehicles": ["341"]},), ("preset",)),
     "modB-d050": (({"op": "set_behaviour", "preset": "aggressive"},), ("vehicle",)),
@@ -304,7 +304,7 @@ def drawn_refusals(scene: Scene) -> list[EditRequest]:
     goal = unknown if scene.ego is not None and scene.ego.lanelets else "no ego"
     requests: list[tuple[EditWords, tuple[str, ...]]] = [
         ({"op": "remove_vehicle", "vehicles": [unknown]}, (f"no vehicle {unknown}",)),
-        ({"op": "set_behaviour", "vehicles": ["ego"], "preset": "eco"}, ("is the ego",)),
+        ({"op": "set_behaviour", "vehicles": ["ego"], "preset": "eco"}, ("drives the ego",)),
         ({"op": "set_goal", "to": [unknown]}, (goal,)),
         ({"op": "add_vehicle", "vehicle_class": "tram", "at": "ego"}, ("'tram'",)),
         ({"op": "add_vehicle", "vehicle_class": "car", "at": unknown}, (f"{unknown} is not a lanelet",)),
@@ -333,7 +333,7 @@ def _words(reason: str, failing: Mapping[str, Any]) -> tuple[str, ...]:
     named = _selected(dict(failing))[0] if "selector" in failing else ""
     words = {
         "unknown_vehicle": f"no vehicle {named}",
-        "ego_is_not_traffic": "is the ego",
+        "ego_is_not_traffic": "drives the ego",
         "unknown_class": f"'{failing.get('class')}'",
         "unknown_preset": f"'{failing.get('preset')}'",
     }

@@ -108,7 +108,7 @@ def _code(request: EditRequest) -> str:
     edit, words = request.edits[0], " ".join(request.must_name)
     codes = {
         "no vehicle": "unknown_vehicle",
-        "is the ego": "ego_is_not_traffic",
+        "drives the ego": "ego_is_not_traffic",
         "'tram'": "unknown_class",
         "'furious'": "unknown_preset",
         "is not a lanelet": "unknown_lanelet",

@@ -105,7 +105,7 @@ def test_a_recorded_overlap_excuses_a_pair_about_then_only(base: Path) -> None:
 
 def test_every_refusal_names_the_error(base: Path) -> None:
     names = [word for one in drawn_refusals(Scene.of(read_scenario(base))) for word in one.must_name]
-    assert {"is the ego", "'tram'", "'furious'", "'hornLevel'", "sigma=1.5 is out of range"} <= set(names)
+    assert {"drives the ego", "'tram'", "'furious'", "'hornLevel'", "sigma=1.5 is out of range"} <= set(names)
     assert any("cannot be reached" in name for name in names)
 
 

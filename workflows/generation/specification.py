@@ -479,7 +479,16 @@ def _vehicle_demand(text: str) -> VehicleDemand:
     """
     if (shared := re.fullmatch(r"\s*([a-z_]+)\s*=\s*(\d{1,3}(?:\.\d+)?)\s*%\s*", text)) is not None:
         return _shared_demand(text, shared[1], float(shared[2]) / 100)
-    demand = parse_condition(text, whole=True)
+    try:
+        demand = parse_condition(text, whole=True)
+    except InvalidRequest as refusal:
+        raise InvalidRequest(
+            f"in vehicles, {refusal.message}",
+            valid=refusal.valid,
+            next_step=refusal.next_step,
+            remedies=refusal.remedies,
+            complete=refusal.complete,
+        ) from refusal
     low, high = demand.interval.low, demand.interval.high
     if demand.negated:
         return VehicleDemand(vehicle_class=demand.name, least=0, most=0)
