@@ -275,9 +275,7 @@ def _planners() -> FacetCounts:
             planners_of.setdefault(", ".join(others), []).append(name)
     presets = "; ".join(f"of {', '.join(names)}: {presets}" for presets, names in planners_of.items())
     counts = dict.fromkeys(planner_names(), 0)
-    return FacetCounts(
-        facet="planners", counts=counts, note=f"PLANNER:PRESET; all have Default; {presets}"
-    )
+    return FacetCounts(facet="planners", counts=counts, note=f"PLANNER:PRESET; all have Default; {presets}")
 
 
 async def find_scenarios(arguments: FindScenariosArguments, context: WorkflowContext) -> FindScenariosResult:

@@ -46,11 +46,7 @@ def scenario_facets(
 def _places(pairs: list[tuple[str, str]], whole: bool) -> list[FacetCounts]:
     countries = _counted([country for country, _ in pairs if country != ARTIFICIAL])
     artificial = sum(country == ARTIFICIAL for country, _ in pairs)
-    no_country = (
-        f"without {artificial} on artificial networks, {ARTIFICIAL}"
-        if artificial
-        else ""
-    )
+    no_country = f"without {artificial} on artificial networks, {ARTIFICIAL}" if artificial else ""
     real = [(country, place) for country, place in pairs if is_place(country, place)]
     places = _counted([f"{country} {place}" if whole else place for country, place in real])
     shown = places if whole else _first(places, PLACES_SHOWN)
@@ -86,10 +82,7 @@ def _words(
         ]
     plain = {word: count for word, count in counts.items() if ":" not in word}
     typed = next((word for word in counts if ":" in word), "")
-    notes = [
-        *([f"also {typed}"] if typed else []),
-        *([f"in no scenario: {', '.join(none)}"] if none else []),
-    ]
+    notes = [*([f"also {typed}"] if typed else []), *([f"in no scenario: {', '.join(none)}"] if none else [])]
     return [FacetCounts(facet=facet, counts=plain, note="; ".join(notes))]
 
 
