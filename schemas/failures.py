@@ -7,7 +7,7 @@ from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result, first_of
 from .exploration import EncounterSetting, Evaluation, LogicalScenario
-from .jobs import JobState
+from .jobs import JobState, state_in_words
 from .modification import Edit
 from .reviews import CAREFUL_DRIVERS, COLLISION_CAUSES, kind_in_words
 from .runs import Prediction, Traffic
@@ -258,9 +258,7 @@ class FindFailuresResult(Result):
         """Return the failures with their change, run and verdict."""
         search = self.search
         if search is None:
-            return Answer(
-                f"{self.job_id}: {self.state}{f'; {self.message}' if self.message else '.'}", next_step=self.next_step
-            )
+            return Answer(state_in_words(self.job_id, self.state, self.message), next_step=self.next_step)
         found = counted(len(search.failures), "distinct failure")
         other = (
             f"Runs with failures that no careful driver avoids: {search.unavoidable}. "

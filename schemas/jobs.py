@@ -11,6 +11,11 @@ JobState = Literal["running", "done", "failed", "cancelled", "interrupted"]
 """``interrupted`` means that the job's server stopped before the job was done."""
 
 
+def state_in_words(job_id: str | None, state: JobState, message: str) -> str:
+    """Return the state of a job without a result so far, in one line."""
+    return f"{job_id}: {state}{f'; {message}' if message else '.'}"
+
+
 _SHOWN_RESULTS = 5
 """How many ids of finished results the brief answer shows (chosen)."""
 

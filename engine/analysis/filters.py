@@ -80,13 +80,13 @@ def window_of(conditions: Sequence[str]) -> tuple[tuple[str, ...], Interval | No
 
 
 def _test(runs: RunSet, condition: Condition, text: str) -> Callable[[RunRecord], bool]:
-    name = metric_of_label(condition.name)
+    name, is_bare = metric_of_label(condition.name), text.strip().lstrip("! ") == condition.name
     if name in _WORDS:
         if condition.value is None:
-            raise _without_text(runs, name, text, is_bare=text.strip().lstrip("! ") == condition.name)
+            raise _without_text(runs, name, text, is_bare=is_bare)
         return _word_test(runs, name, condition.value)
     if name not in _NUMBERS:
-        raise _no_such_field(runs, name, text, is_bare=text.strip().lstrip("! ") == condition.name)
+        raise _no_such_field(runs, name, text, is_bare=is_bare)
     if condition.value is not None:
         raise InvalidRequest(f"'{text}' compares {name}, a number, with text", valid=[f"{name}>=1", f"{name}=1..2"])
 

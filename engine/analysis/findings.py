@@ -135,7 +135,7 @@ def _main_failure(evidence: Evidence) -> Iterator[Finding]:
     if not failures:
         return
     counts = Counter(record.outcome for record in failures)
-    outcome, count = min(counts.items(), key=lambda item: (-item[1], item[0]))
+    outcome, count = most_frequent_first(counts)[0]
     run_ids = _ids(record for record in failures if record.outcome == outcome)
     refused = Counter(
         record.refusal or "not stated" for record in failures if outcome == record.outcome == "goal_refused"

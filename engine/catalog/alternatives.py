@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import islice
 
 from ...schemas.errors import closest
-from ...schemas.text import counted
+from ...schemas.text import counted, enumerated
 from ...schemas.vocabulary import CIRCUMSTANCES, FEATURES, MANOEUVRES, ORIGINS, ROAD_NET_KEYS, TAGS
 from ..maps import names_elsewhere, place_keys
 from .bm25 import words_of
@@ -181,8 +181,7 @@ _LETTERS = 5
 def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: EmptiedBy) -> str:
     """Return a note on the conditions that left no candidate, and on the values that the candidates have instead."""
     entering = funnel.entering()
-    *others, last = (constraint.label for constraint in reason.constraints)
-    names = f"{', '.join(others)} and {last}" if others else last
+    names = enumerated([constraint.label for constraint in reason.constraints])
     if reason.together:
         return f"each of {names} holds for some of the {len(entering):,} candidates, but no candidate meets all"
     alternatives = [_alternatives(connection, constraint, funnel, entering) for constraint in reason.constraints]

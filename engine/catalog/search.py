@@ -27,7 +27,7 @@ from ...schemas.catalog import (
 )
 from ...schemas.errors import InvalidRequest
 from ...schemas.scenarios import ScenarioFacts
-from ...schemas.text import cited, one_line, shown_name
+from ...schemas.text import cited, enumerated, one_line, shown_name
 from ...schemas.vocabulary import MEASURES
 from .alternatives import TextWords, emptied_note, look_up_words, names_without_scenario, not_computed, notes_on_names
 from .bm25 import reciprocal_rank_fusion
@@ -202,7 +202,8 @@ class Search:
         values = _covered_values(self._connection, matches[:MOST_CONSIDERED])
         chosen = _most_diverse(values, self.arguments.diverse)
         if self.arguments.sort != "match":
-            chosen = [entry.scenario_id for entry in matches if entry.scenario_id in set(chosen)]
+            selected = set(chosen)
+            chosen = [entry.scenario_id for entry in matches if entry.scenario_id in selected]
         return _Found(tuple(ordered), tuple(chosen), len(chosen), _coverage(values, chosen) if chosen else ())
 
     def answer(self, search_id: str, found: _Found, ranking: Ranking | None) -> FindScenariosResult:
@@ -242,8 +243,7 @@ class Search:
         notes = ["The text index was damaged and has been rebuilt."] if ranking and ranking.mended_index else []
         notes += [f"Words found: {'; '.join(text.found)}."] if text.found else []
         if text.nowhere and (text.alone or few):
-            *first, last = (f"'{one_line(word)}'" for word in text.nowhere)
-            words = f"{', '.join(first)} and {last}" if first else last
+            words = enumerated([f"'{one_line(word)}'" for word in text.nowhere])
             verb = "does" if len(text.nowhere) == 1 else "do"
             matched = "results are ranked by semantic similarity"
             if text.alone and self._is_dissimilar(ranking):

@@ -29,6 +29,7 @@
 ``resized``: returns the same motion with a body of a different size.
 ``smooth_step``: returns how far to the side a vehicle is after given shares of the manoeuvre's time.
 ``class_of``: returns the vehicle class for a CommonRoad obstacle type.
+``NOT_DRIVABLE``: the reason of a refusal if SUMO cannot drive a recorded vehicle.
 ``not_drivable``: returns why SUMO cannot drive a recorded vehicle; empty if it can.
 ``next_speed_mps``: returns the next speed of a vehicle that must slow down within some distance; None if it need not.
 ``LANE_CHANGE_S``: duration of a lane change, in s.
@@ -71,6 +72,7 @@ if TYPE_CHECKING:
     from .handover import HandoverTrack, handover_track
     from .manoeuvres import LANE_CHANGE_S, Halt, Manoeuvre, StopOrder
     from .plans import (
+        NOT_DRIVABLE,
         PROGRESS_ACROSS,
         DrivePlan,
         JunctionLaneChange,

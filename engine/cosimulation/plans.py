@@ -25,6 +25,8 @@ from .manoeuvres import Halt, Manoeuvre, StopOrder
 from .triggers import Script
 
 Cause = Literal["edited", "added", "handed_over"]
+NOT_DRIVABLE = "not_drivable"
+"""The reason of a refusal if SUMO cannot drive a recorded vehicle."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,7 @@ def recorded_plan(scene: Scene, vehicle_id: int, cause: Cause, from_step: int) -
             why,
             valid=[key for key in _by_distance(scene, vehicle_id) if not not_drivable(scene, key)],
             next_step="remove it with remove_vehicle, or choose a valid one (nearest first), which can be driven",
+            reason=NOT_DRIVABLE,
         )
     track, lanelets = scene.tracks[vehicle_id], scene.matches[vehicle_id].sequence
     vehicle_class = class_of(track.kind)

@@ -18,6 +18,7 @@ from ...schemas.errors import Faults, InvalidRequest, NotPossible, with_values
 from ...schemas.modification import EDITS, Edit, EditOperation, EditReport, ModificationOutcome, ModificationRequest
 from ..commonroad import ScenarioDocument, Track
 from ..cosimulation import (
+    NOT_DRIVABLE,
     ROUTES_FILE,
     TYPES_FILE,
     DrivePlan,
@@ -315,10 +316,10 @@ def _performed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     try:
         return OPERATIONS[edit.op](edit, scene, changes)
     except NotPossible as refusal:
-        left_out: dict[int, str] = {}
         with suppress(InvalidRequest):
-            left_out = {key: why for key in select(edit.vehicles, scene, changes) if (why := not_drivable(scene, key))}
-            if refusal.message in left_out.values() and len(left_out) < len(select(edit.vehicles, scene, changes)):
+            vehicles = select(edit.vehicles, scene, changes)
+            left_out = [key for key in vehicles if not_drivable(scene, key)]
+            if refusal.reason == NOT_DRIVABLE and 0 < len(left_out) < len(vehicles):
                 drivable = with_values(vehicles=[*edit.vehicles, *(f"!{key}" for key in left_out)])
                 refusal.remedies = (drivable, *refusal.remedies)
         raise

@@ -5,7 +5,7 @@ counted from its start.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -262,6 +262,46 @@ def within_time(requested: int, first: int, last: int, scene: Scene) -> list[Rem
     nearer, farther = (first, last) if requested < first else (last, first)
     steps = [round(nearer + share * (farther - nearer)) for share in _TIMES_TRIED]
     return [with_values(time_s=round(step * scene.step_s, 3)) for step in steps if last >= first]
+
+
+def adjacent_lanes(scene: Scene, lanelets: Iterable[int], side: str) -> list[int]:
+    """Return the adjacent lane, on the left or right, of each lanelet that has one."""
+    lanes = scene.layout.table.lanes
+    adjacent = [lanes[key].left if side == "left" else lanes[key].right for key in lanelets]
+    return [key for key in adjacent if key is not None and key in lanes]
+
+
+def first_step_with_lane(scene: Scene, track: Track, lanelets: Sequence[int], side: str) -> int | None:
+    """Return the first step at which a vehicle has an adjacent lane on a side, or None if it never has.
+
+    ``lanelets``: the lanelet at each step of its track.
+    """
+    first = next((index for index, key in enumerate(lanelets) if adjacent_lanes(scene, [key], side)), None)
+    return None if first is None else track.first_step + first
+
+
+def no_such_lane(
+    scene: Scene, vehicle_id: int, here: int | None, side: str, step: int | None, later: Sequence[str] = ()
+) -> NotPossible:
+    """Return the refusal for a vehicle without a lane in its direction on a side.
+
+    Args:
+        here: its lanelet, if known.
+        side: left or right.
+        step: the first step at which it has such a lane, if any.
+        later: places of its route with such a lane, in words.
+    """
+    other = {"left": "right", "right": "left"}[side]
+    there = [f"lane={other}"] if here is not None and adjacent_lanes(scene, [here], other) else []
+    time_s = None if step is None else round(step * scene.step_s, 3)
+    at_time = [] if time_s is None else [f"time_s={time_s:g}"]
+    ways = [f"the {other}"] * bool(there) + ["another time"] * bool(later or at_time)
+    return NotPossible(
+        f"on lanelet {here}, vehicle {vehicle_id} has no lane in its direction on the {side}",
+        valid=[*at_time, *there, *later],
+        next_step=f"choose {' or '.join([*ways, 'a vehicle on a road with another lane'])}",
+        remedies=[] if time_s is None else [with_values(time_s=time_s)],  # the other side is not what was requested
+    )
 
 
 def named_vehicles(vehicles: tuple[int, ...]) -> str:

@@ -538,10 +538,11 @@ class _GoalTask:
         If the goal's time continues after the recording's end (in s from the scenario's start), the text states this:
         no traffic is recorded then. A recording without motion has no end.
         """
-        if self.window_s is None or self.window_s[1] <= 0.0:
+        needed_mps = self.least_average_mps
+        if self.window_s is None or needed_mps is None:
             return ""
         first_s, last_s = self.window_s
-        pace = f"; this requires {self.least_average_mps or 0.0:.1f} m/s on average"
+        pace = f"; this requires {needed_mps:.1f} m/s on average"
         left_s = recording_end_s - self.start_s
         if not 0.0 < left_s < last_s:
             return pace

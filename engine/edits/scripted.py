@@ -16,6 +16,7 @@ from ...schemas.modification import Achieved, Edit
 from ..commonroad import Track
 from ..cosimulation import (
     LANE_CHANGE_S,
+    NOT_DRIVABLE,
     Act,
     LateralAct,
     Replay,
@@ -34,7 +35,18 @@ from ..cosimulation import (
 from ..geometry import Points, Values, arc_length, interpolate, point_at, project, project_all, wrap_angle
 from ..scene import Scene, straightness
 from ..vehicles import TIME_GAP_MPS, comfortable_mps2, hardest_braking_mps2
-from .changes import Changes, EditStep, check_speed, named_vehicles, parse_speed, requested_speed, within_time
+from .changes import (
+    Changes,
+    EditStep,
+    adjacent_lanes,
+    check_speed,
+    first_step_with_lane,
+    named_vehicles,
+    no_such_lane,
+    parse_speed,
+    requested_speed,
+    within_time,
+)
 from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
 from .placement import first_place, held, read_trigger
@@ -126,7 +138,7 @@ def motion_of(scene: Scene, changes: Changes, vehicle_id: int) -> tuple[Track, t
     if plan is None:
         why = not_drivable(scene, vehicle_id)
         if why and vehicle_id not in changes.scripted:
-            raise NotPossible(why, next_step="choose a vehicle that can be driven")
+            raise NotPossible(why, next_step="choose a vehicle that can be driven", reason=NOT_DRIVABLE)
         return scene.tracks[vehicle_id], ()
     if plan.targets and plan.cause != "added":
         raise NotPossible(
@@ -388,27 +400,13 @@ def _aside_to_lane(scene: Scene, track: Track, step: int, side: str) -> float:
         NotPossible: there is no lane in the vehicle's direction on that side.
     """
     match, index = scene.matcher.match(track), step - track.first_step
-    lanes = scene.layout.table.lanes
     here = None if match is None else match.at(index)
-    neighbour = None if here is None else (lanes[here].left if side == "left" else lanes[here].right)
-    if neighbour is None or neighbour not in lanes:
-        other = {"left": "right", "right": "left"}[side]
-        opposite = None if here is None else (lanes[here].left if other == "left" else lanes[here].right)
+    adjacent = [] if here is None else adjacent_lanes(scene, [here], side)
+    if not adjacent:
         keys = [] if match is None else match.at_each(len(track.positions))
-        clear = (
-            at for at, key in enumerate(keys) if (lanes[key].left if side == "left" else lanes[key].right) in lanes
-        )
-        first = next(clear, None)
-        time_s = None if first is None else round((track.first_step + first) * scene.step_s, 3)
-        there = [f"lane={other}"] if opposite in lanes else []
-        ways = [f"the {other}"] * bool(there) + ["another time"] * (time_s is not None)
-        raise NotPossible(
-            f"on lanelet {here}, vehicle {track.obstacle_id} has no lane in its direction on the {side}",
-            valid=[*([] if time_s is None else [f"time_s={time_s:g}"]), *there],
-            next_step=f"choose {' or '.join([*ways, 'a vehicle on a road with another lane'])}",
-            remedies=[] if time_s is None else [with_values(time_s=time_s)],  # the other side is not what was requested
-        )
-    return -project(lanes[neighbour].center, track.positions[index])[1]
+        first = first_step_with_lane(scene, track, keys, side)
+        raise no_such_lane(scene, track.obstacle_id, here, side, first)
+    return -project(scene.layout.table.lanes[adjacent[0]].center, track.positions[index])[1]
 
 
 def swerve(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
@@ -548,10 +546,9 @@ def _name_of(who: str) -> str:
 
 def _next_lanes(scene: Scene, track: Track, step: int) -> list[str]:
     """Return the sides on which a road user has a lane in its direction at a step."""
-    match, lanes = scene.matcher.match(track), scene.layout.table.lanes
-    here = None if match is None else lanes[match.at(max(step - track.first_step, 0))]
-    sides = {} if here is None else {"left": here.left, "right": here.right}
-    return [side for side, key in sides.items() if key in lanes]
+    match = scene.matcher.match(track)
+    here = [] if match is None else [match.at(max(step - track.first_step, 0))]
+    return [side for side in ("left", "right") if adjacent_lanes(scene, here, side)]
 
 
 def _is_in_next_lane(track: Track, path: _Path, step: int) -> bool:

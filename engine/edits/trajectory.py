@@ -4,8 +4,6 @@ Each edit creates or changes plans of vehicles (``DrivePlan``) or replays of rec
 Times count from the scenario's start.
 """
 
-import itertools
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -39,12 +37,15 @@ from .changes import (
     MOST_NAMED,
     Changes,
     EditStep,
+    adjacent_lanes,
     car_at_start,
     check_speed,
+    first_step_with_lane,
     is_relative,
     listed,
     moved_in_time,
     named_vehicles,
+    no_such_lane,
     parse_speed,
     plan_of,
     requested_speed,
@@ -90,7 +91,7 @@ def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         plan, step = _plan_from(scene, changes, vehicle_id, edit.time_s, sends_on=True)
         is_first = vehicle_id not in changes.driven
         here = _lanelets_at(scene, plan, step, exact=is_first)
-        adjacent = _adjacent_lanes(scene, here, edit.lane)
+        adjacent = adjacent_lanes(scene, here, edit.lane)
         if not adjacent:
             raise _no_such_lane(edit, scene, plan, here[0])
         plan = _with_route_of_lane(scene, plan, here, adjacent[0])
@@ -98,7 +99,7 @@ def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         changes = changes.with_plan(_with_manoeuvre(plan, order))
         since[vehicle_id] = step
         # The change may happen farther along the road than requested.
-        aims[vehicle_id] = (frozenset({*adjacent, *_adjacent_lanes(scene, plan.lanelets, edit.lane)}),)
+        aims[vehicle_id] = (frozenset({*adjacent, *adjacent_lanes(scene, plan.lanelets, edit.lane)}),)
     when = "" if edit.time_s is None else f" from {edit.time_s:g} s"
     return EditStep(
         changes, vehicles, f"{named_vehicles(vehicles)} moved one lane to the {edit.lane}{when}", aims=aims, since=since
@@ -114,15 +115,8 @@ def _lanelets_at(scene: Scene, plan: DrivePlan, step: int, *, exact: bool) -> tu
     lanelets = (match.at(step - plan.start.first_step),) if exact and match else plan.lanelets
     shift = sum(order.lanes_left for order in plan.manoeuvres if order.from_step <= step)
     for _ in range(abs(shift)):
-        lanelets = tuple(_adjacent_lanes(scene, lanelets, "left" if shift > 0 else "right")) or lanelets
+        lanelets = tuple(adjacent_lanes(scene, lanelets, "left" if shift > 0 else "right")) or lanelets
     return lanelets
-
-
-def _adjacent_lanes(scene: Scene, lanelets: Iterable[int], side: str) -> list[int]:
-    """Return the adjacent lane, on the left or right, of each lanelet that has one."""
-    lanes = scene.layout.table.lanes
-    adjacent = [lanes[key].left if side == "left" else lanes[key].right for key in lanelets]
-    return [key for key in adjacent if key is not None and key in lanes]
 
 
 def _with_route_of_lane(scene: Scene, plan: DrivePlan, here: tuple[int, ...], lane: int) -> DrivePlan:
@@ -148,28 +142,12 @@ def _leads_on(scene: Scene, plan: DrivePlan, lanelet_id: int, edge: str) -> bool
 
 
 def _no_such_lane(edit: Edit, scene: Scene, plan: DrivePlan, here: int) -> NotPossible:
-    other = {"left": "right", "right": "left"}[str(edit.lane)]
-    there = [f"lane={other}"] if _adjacent_lanes(scene, [here], other) else []
-    later = [f"on lanelet {key}" for key in plan.lanelets if _adjacent_lanes(scene, [key], str(edit.lane))]
-    time_s = _first_time_with_lane(scene, plan.start.obstacle_id, str(edit.lane))
-    at_time = [] if time_s is None else [f"time_s={time_s:g}"]
-    ways = [f"the {other}"] * bool(there) + ["another time"] * bool(later or at_time)
-    return NotPossible(
-        f"on lanelet {here}, vehicle {plan.start.obstacle_id} has no lane in its direction on the {edit.lane}",
-        valid=[*at_time, *there, *later],
-        next_step=f"choose {' or '.join([*ways, 'a vehicle on a road with another lane'])}",
-        remedies=[] if time_s is None else [with_values(time_s=time_s)],  # the other side is not what was requested
-    )
-
-
-def _first_time_with_lane(scene: Scene, vehicle_id: int, side: str) -> float | None:
-    """Return when (s) a recorded vehicle first has an adjacent lane on that side, or None if it never has."""
+    vehicle_id, side = plan.start.obstacle_id, str(edit.lane)
+    later = [f"on lanelet {key}" for key in plan.lanelets if adjacent_lanes(scene, [key], side)]
     track, match = scene.tracks.get(vehicle_id), scene.matches.get(vehicle_id)
-    if track is None or match is None:
-        return None
-    steps = range(track.first_step, track.last_step)
-    first = next((step for step in steps if _adjacent_lanes(scene, [match.at(step - track.first_step)], side)), None)
-    return None if first is None else round(first * scene.step_s, 3)
+    keys = [] if track is None or match is None else match.at_each(len(track.positions) - 1)
+    step = None if track is None else first_step_with_lane(scene, track, keys, side)
+    return no_such_lane(scene, vehicle_id, here, side, step, later)
 
 
 def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
@@ -216,25 +194,21 @@ def stop_at(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """
     vehicles = select(edit.vehicles, scene, changes)
     stands_steps = None if edit.duration_s is None else round(edit.duration_s / scene.step_s)
-    places: dict[int, Place] = {}
+    place = first_place(edit, scene, changes, 0.0)
+    order = StopOrder(place.lanelet_id, place.station_m, stands_steps)
     for vehicle_id in vehicles:
         plan, _ = _plan_from(scene, changes, vehicle_id, edit.time_s, sends_on=True)
-        place = first_place(edit, scene, changes, 0.0)
         _check_stop(scene, plan, place)
-        order = StopOrder(place.lanelet_id, place.station_m, stands_steps)
         # It stays in the lane of the place: a vehicle in the next lane would stop beside it.
         kept = plan.through | ({place.lanelet_id} & {*plan.lanelets})
         changes = changes.with_plan(replace(plan, stops=(*plan.stops, order), through=kept))
-        places[vehicle_id] = place
 
     def measured(edited: EditedScene) -> tuple[Achieved, ...]:
-        found = (_stop_achieved(edited, key, place, edit.duration_s) for key, place in places.items())
-        return tuple(itertools.chain.from_iterable(found))
+        return tuple(one for key in vehicles for one in _stop_achieved(edited, key, place, edit.duration_s))
 
-    first = places[vehicles[0]]
     stop = "stops" if len(vehicles) == 1 else "stop"
     how_long = "" if edit.duration_s is None else f" for {edit.duration_s:g} s"
-    what = f"{named_vehicles(vehicles)} {stop} on lanelet {first.lanelet_id} at {first.station_m:.1f} m{how_long}"
+    what = f"{named_vehicles(vehicles)} {stop} on lanelet {place.lanelet_id} at {place.station_m:.1f} m{how_long}"
     return EditStep(changes, vehicles, what, measure=measured)
 
 

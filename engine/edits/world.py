@@ -343,9 +343,8 @@ def _crop_place(edit: Edit, root: _Element, scene: Scene) -> str:
         goals = [ref for ref in problem.iterfind("goalState/position/lanelet") if int(ref.get("ref", "0")) not in kept]
         centers = list(problem.iterfind("goalState/position/rectangle/center"))
         spots = [one for one in (point, *centers) if one is not None]
-        inside = [box.contains(shapely.Point(float(s.findtext("x", "0")), float(s.findtext("y", "0")))) for s in spots]
-        if goals or not all(inside):
-            points = [np.array([float(s.findtext("x", "0")), float(s.findtext("y", "0"))]) for s in spots]
+        points = [np.array([float(s.findtext("x", "0")), float(s.findtext("y", "0"))]) for s in spots]
+        if goals or not all(box.contains(shapely.Point(*one)) for one in points):
             points += [scene.network.find_lanelet_by_id(int(ref.get("ref", "0"))).center_vertices[-1] for ref in goals]
             needed = _rectangle_around(points, center, heading, sizes)
             raise NotPossible(

@@ -34,7 +34,7 @@ from ...schemas.modification import Edit
 from ..commonroad import LoadedScenario
 from ..execution import ProgressReporter
 from ..planners import DrivenRun, EgoState, lane_line
-from ..scene import Scene
+from ..scene import Scene, goal_centers
 from ..vehicles import VehicleParameters, vehicle_of
 from .concrete import concrete_edits
 from .evaluation import HOPELESS, DrivenPoint, Evaluator, Nearness
@@ -263,7 +263,8 @@ def shrunk(evaluator: Evaluator, request: ShrinkRequest, report: ProgressReporte
     subset = minimal_subset(others, lambda kept: trials(_Candidate(kept, values)))
     report(0.4, "cutting the map")
     found = _Candidate(subset.items, values)
-    areas = _areas_m(evaluator, request.setting.problem_id)
+    whole = evaluator.edited(())
+    areas = [] if whole is None else _areas_m(whole, request.setting.problem_id)
     found = replace(found, area_m=smallest(areas, lambda area: trials(replace(found, area_m=area))))
     report(0.6, "moving parameters back")
     base = tuple(round(parameter.base_value, 4) for parameter in stratum.parameters)
@@ -276,7 +277,7 @@ def shrunk(evaluator: Evaluator, request: ShrinkRequest, report: ProgressReporte
         found = replace(found, duration_s=smallest([until], lambda one: trials(replace(found, duration_s=one))))
     edits = _reduced(stratum, request.recorded, needed, found)
     evaluation = evaluator.evaluate(edits)
-    whole, small = evaluator.edited(()), evaluator.edited(edits)
+    small = whole if found.area_m is None else evaluator.edited(edits)
     added = sum(edit.op == "add_vehicle" for edit in edits)
     names = [parameter.name for parameter in stratum.parameters]
     return Shrunk(
@@ -300,17 +301,13 @@ def _lanelets(loaded: LoadedScenario | None) -> int:
     return 0 if loaded is None else len(loaded.scenario.lanelet_network.lanelets)
 
 
-def _areas_m(evaluator: Evaluator, problem_id: int | None) -> list[tuple[float, float]]:
+def _areas_m(loaded: LoadedScenario, problem_id: int | None) -> list[tuple[float, float]]:
     """Return lengths and widths of areas around the ego's start, along its heading, each about half of the one before.
 
     The first is about half of the map. The last just contains the goal, without which no planner could start.
     """
-    loaded = evaluator.edited(())
-    if loaded is None:
-        return []
     problem = loaded.problem(problem_id)
-    ego, places = EgoState.of(problem.initial_state), [state.position for state in problem.goal.state_list]
-    goals = [place.shapely_object.centroid.coords[0] for place in places if hasattr(place, "shapely_object")]
+    ego, goals = EgoState.of(problem.initial_state), goal_centers(problem)
     lanelets = loaded.scenario.lanelet_network.lanelets
     far_m = float(np.abs(np.concatenate([one.polygon.vertices for one in lanelets]) - ego.position).max())
     away = np.array([ego.position, *goals]) - ego.position

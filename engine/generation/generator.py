@@ -244,7 +244,7 @@ class _Attempts:
                     return
                 if lacks and sum(not attempt.unusable for attempt in self.made) >= ENOUGH_WITH_TURN:
                     return
-                if astray and any(not any(self._rank(one)[:4]) for one in self.made[made:]):
+                if astray and any(one.followable and not one.astray and not one.unusable for one in self.made[made:]):
                     return
 
     def best(self, osm: OsmMap) -> _Attempt:
@@ -281,15 +281,10 @@ class _Attempts:
             reason=SITE_LOST,
         )
 
-    def _rank(self, attempt: _Attempt) -> tuple[bool, bool, bool, bool, int]:
+    def _rank(self, attempt: _Attempt) -> tuple[bool, bool, bool, int]:
+        """Return the rank of a usable attempt; the least is the best."""
         names_a_way = bool(self._request.streets) or self._request.goal.turn is not None
-        return (
-            attempt.unusable,
-            attempt.astray and names_a_way,
-            not attempt.followable,
-            attempt.astray,
-            len(attempt.faults),
-        )
+        return attempt.astray and names_a_way, not attempt.followable, attempt.astray, len(attempt.faults)
 
     def notes_besides(self, best: _Attempt) -> list[str]:
         """Return notes on the skipped sites and on why the other attempts were dropped, each reason once.

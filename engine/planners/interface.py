@@ -46,7 +46,7 @@ class EgoState:
 
     @property
     def key(self) -> tuple[float, ...]:
-        """All values of a state without a steering angle, to look up what depends on it."""
+        """All values except the steering angle, to look up what depends on the state."""
         return (
             self.step,
             *self.position.tolist(),

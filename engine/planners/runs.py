@@ -23,7 +23,7 @@ from ..execution import ProgressReporter
 from ..geometry import Points, Values, wrap_angles
 from ..motion_figures import motion_figures
 from ..vehicles import VehicleParameters, vehicle_of
-from .driving.acceptance import DrivenStates, refusal, refusal_after_start
+from .driving.acceptance import DrivenStates, Refused, refusal
 from .driving.drivability import exceeded_limits
 from .driving.solution import steering_of
 from .external.command import ScenarioFile
@@ -224,12 +224,18 @@ def _apply_benchmark(verdict: Verdict, steps: RunSteps, start: _Start) -> _Endin
         return _Ending(verdict.outcome, verdict.reason)
     loaded, vehicle = start.loaded, start.vehicle
     driven = DrivenStates.of(steps, vehicle, loaded.step_s)
-    refused = refusal(driven, start.problem.goal, loaded.scenario.lanelet_network, vehicle, loaded.step_s)
-    if refused is None or (refused.code == "not_drivable" and start.request.world.moves_by_model):
-        return _Ending(verdict.outcome, verdict.reason)  # the benchmark's own model cannot slip
+
+    def counting(refused: Refused | None) -> Refused | None:
+        """Return a refusal that counts: the benchmark's own model cannot slip."""
+        slips = refused is not None and refused.code == "not_drivable" and start.request.world.moves_by_model
+        return None if slips else refused
+
+    refused = counting(refusal(driven, start.problem.goal, loaded.scenario.lanelet_network, vehicle, loaded.step_s))
+    if refused is None:
+        return _Ending(verdict.outcome, verdict.reason)
     if refused.code == "off_lanelets" and refused.index == 0:
-        later = refusal_after_start(driven, loaded.scenario.lanelet_network, vehicle, loaded.step_s)
-        if later is None or (later.code == "not_drivable" and start.request.world.moves_by_model):
+        later = counting(refused.after_start)
+        if later is None:
             return _Ending(verdict.outcome, f"{verdict.reason}; {_START_REFUSED}", refused.code)
         refused = later
     moment = "" if refused.index is None else f" at {refused.index * loaded.step_s:.1f} s"

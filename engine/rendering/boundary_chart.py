@@ -96,13 +96,16 @@ def _draw(axes: "Axes", record: BoundaryRecord, one: BoundaryMap) -> None:
 
 def _has_edge(one: BoundaryMap) -> bool:
     """Return whether a map has an edge between failures and other outcomes, which is then drawn."""
-    failing = np.isin(_raster(one), FAILURES)
+    return _is_divided(np.isin(_raster(one), FAILURES))
+
+
+def _is_divided(failing: NDArray[Any]) -> bool:
     return bool(failing.any() and not failing.all())
 
 
 def _edge(axes: "Axes", places: list[NDArray[Any]], failing: NDArray[Any], **style: Any) -> None:
     """Draw the edge of a failing region, if there is one."""
-    if failing.any() and not failing.all():
+    if _is_divided(failing):
         axes.contour(places[0], places[1], failing.astype(float), levels=[0.5], **style)
 
 

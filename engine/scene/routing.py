@@ -494,15 +494,13 @@ def _continues_inside(network: "LaneletNetwork", graph: LaneletGraph, key: int) 
     """
     import shapely
 
-    line = network.find_lanelet_by_id(key).polygon.shapely_object
     own = graph.parallel_lanes([key])
     near = {*own, *graph.predecessors[key], *graph.successors[key]}
     siblings = {after for before in graph.predecessors[key] for after in graph.successors[before]}
     siblings |= {before for after in graph.successors[key] for before in graph.predecessors[after]}
     center = shapely.LineString(center_line(network, key))
-    for lanelet in network.lanelets:
-        other = int(lanelet.lanelet_id)
-        if other in near or other in siblings or not lanelet.polygon.shapely_object.intersects(line):
+    for other in network.find_lanelet_by_shape(network.find_lanelet_by_id(key).polygon):
+        if other in near or other in siblings:
             continue
         crossed = center_line(network, other)
         if len(crossed) > 1 and center.crosses(shapely.LineString(crossed)):

@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from ..base import Answer, Arguments, Model, Result
-from ..jobs import JobState
+from ..jobs import JobState, state_in_words
 from ..planning import WeightChange
 from ..results import figure
 from ..runs import Prediction, Traffic
@@ -261,11 +261,8 @@ class OptimizePlannerResult(Result):
         """Return what was found and whether it holds on unseen scenarios."""
         if self.study is None:
             found = [] if self.best_so_far is None else [f"Best so far: {self.best_so_far}."]
-            return Answer(
-                f"{self.job_id}: {self.state}{f'; {self.message}' if self.message else '.'}",
-                decided=found,
-                next_step=self.next_step,
-            )
+            headline = state_in_words(self.job_id, self.state, self.message)
+            return Answer(headline, decided=found, next_step=self.next_step)
         study = self.study
         notes = [f"Note: {note}" for note in study.notes]
         notes += [] if study.world.is_perfect else [f"World of the runs: {study.world.in_words()}."]

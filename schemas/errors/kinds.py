@@ -23,7 +23,7 @@ import sqlite3
 import traceback
 from collections.abc import Iterable, Sequence
 from itertools import islice
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 from ..text import one_line, uncited
 from .remedies import NextCall, Place, Remedy, assignments, instead, misspellings
@@ -86,14 +86,15 @@ class PlannerForgeError(Exception):
 
     def with_valid(self, *values: str) -> Self:
         """Return the same refusal with further valid values at the front. Its remedies stay."""
-        return type(self)(
-            self.message,
-            valid=[*values, *self.valid],
-            next_step=self.next_step,
-            reason=self.reason,
-            remedies=self.remedies,
-            complete=self.complete,
-        )
+        return self._copy(valid=[*values, *self.valid])
+
+    def preceded_by(self, text: str, place: Place = ()) -> Self:
+        """Return the same refusal with a text before its message; ``place``: where its remedies then apply."""
+        return self._copy(message=f"{text}{self.message}", remedies=[remedy.at(place) for remedy in self.remedies])
+
+    def _copy(self, **changed: Any) -> Self:
+        names = ("message", "valid", "next_step", "reason", "remedies", "complete")
+        return type(self)(**{name: changed.get(name, getattr(self, name)) for name in names})
 
     @property
     def text(self) -> str:
@@ -236,15 +237,7 @@ class _Collecting:
         if not isinstance(error, InvalidRequest):
             return False
         for fault in error.faults or (error,):
-            message = f"{self._where}: {fault.message}" if self._where else fault.message
-            kept = type(fault)(
-                message,
-                valid=fault.valid,
-                next_step=fault.next_step,
-                reason=fault.reason,
-                remedies=[remedy.at(self._place) for remedy in fault.remedies],
-                complete=fault.complete,
-            )
+            kept = fault.preceded_by(f"{self._where}: " if self._where else "", self._place)
             kept.__cause__ = error
             if all(other.message != kept.message for other in self._found):
                 self._found.append(kept)

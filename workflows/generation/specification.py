@@ -482,13 +482,7 @@ def _vehicle_demand(text: str) -> VehicleDemand:
     try:
         demand = parse_condition(text, whole=True)
     except InvalidRequest as refusal:
-        raise InvalidRequest(
-            f"in vehicles, {refusal.message}",
-            valid=refusal.valid,
-            next_step=refusal.next_step,
-            remedies=refusal.remedies,
-            complete=refusal.complete,
-        ) from refusal
+        raise refusal.preceded_by("in vehicles, ") from refusal
     low, high = demand.interval.low, demand.interval.high
     if demand.negated:
         return VehicleDemand(vehicle_class=demand.name, least=0, most=0)

@@ -65,10 +65,15 @@ class DrivenStates:
 
 @dataclass(frozen=True)
 class Refused:
-    """The reason for a refusal, and the index of the first refused state; None if the refusal concerns all states."""
+    """The reason for a refusal, and the index of the first refused state; None if the refusal concerns all states.
+
+    ``after_start``: if the initial state is outside the lanelets, why the motion would be refused even with a start
+    inside. The first states do not count there until the whole body is inside, because no planner chose the start.
+    """
 
     code: Refusal
     index: int | None = None
+    after_start: "Refused | None" = None
 
 
 def refusal(
@@ -78,21 +83,9 @@ def refusal(
     if not meets_goal(driven, goal):
         return Refused("goal_not_met")
     outside = states_off_lanelets(driven, network, vehicle)
-    if outside:
-        return Refused("off_lanelets", outside[0])
-    return _undrivable(driven, vehicle, step_s)
-
-
-def refusal_after_start(
-    driven: DrivenStates, network: "LaneletNetwork", vehicle: VehicleParameters, step_s: float
-) -> Refused | None:
-    """Return why a motion to the goal that starts outside the lanelets would be refused even with a start inside.
-
-    The first states do not count until the whole body is inside, because no planner chose the initial state.
-    """
-    outside = states_off_lanelets(driven, network, vehicle)
-    later = [state for number, state in enumerate(outside) if state != number]
-    return Refused("off_lanelets", later[0]) if later else _undrivable(driven, vehicle, step_s)
+    counting = [state for number, state in enumerate(outside) if state != number]
+    later = Refused("off_lanelets", counting[0]) if counting else _undrivable(driven, vehicle, step_s)
+    return Refused("off_lanelets", 0, after_start=later) if outside[:1] == [0] else later
 
 
 def _undrivable(driven: DrivenStates, vehicle: VehicleParameters, step_s: float) -> Refused | None:
