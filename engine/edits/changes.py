@@ -288,8 +288,8 @@ def no_such_lane(
     Args:
         here: its lanelet, if known.
         side: left or right.
-        step: the first step at which it has such a lane, if any.
-        later: places of its route with such a lane, in words.
+        step: the first step at which it has a lane there, if any.
+        later: places of its route with a lane there, in words.
     """
     other = {"left": "right", "right": "left"}[side]
     there = [f"lane={other}"] if here is not None and adjacent_lanes(scene, [here], other) else []
