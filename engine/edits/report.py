@@ -113,7 +113,7 @@ def _values_in_words(values: tuple[Achieved, ...]) -> list[str]:
     for one in values[:_MOST_VALUES]:
         why = f"; {one.reason}" if one.reason else ""
         requested = "" if one.asked is None or one.reached else f" (requested: {one.asked:.4g} {one.unit}{why})"
-        words = f"{one.quantity.replace('_', ' ')} {one.value:.3g} {one.unit}{requested}"
+        words = f"{one.quantity.replace('_', ' ')} {one.value:.3g} {one.unit}".rstrip() + requested
         vehicles.setdefault(words, []).append(one.vehicle_id)
     by_vehicles: dict[tuple[int, ...], list[str]] = {}
     for words, keys in vehicles.items():

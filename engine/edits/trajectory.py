@@ -236,7 +236,7 @@ def _check_stop(scene: Scene, plan: DrivePlan, place: Place) -> None:
         else f"the place is {room_m:.1f} m ahead of vehicle {key}, which needs {braking_m:.1f} m to brake from "
         f"{speed_mps:.1f} m/s"
         if room_m > 0.0
-        else f"vehicle {key} is already past lanelet {place.lanelet_id} at {place.station_m:.1f} m",
+        else f"vehicle {key} has already passed lanelet {place.lanelet_id} at {place.station_m:.1f} m",
         valid=[f"at={one}" for one in possible],
         next_step="choose a place farther ahead on its route",
         remedies=nearest,
@@ -250,13 +250,16 @@ def _stop_achieved(edited: EditedScene, key: int, place: Place, asked_s: float |
         return ()
     center = edited.scene.layout.table.lanes[place.lanelet_id].center
     target = point_at(center, place.station_m)[0]
-    stands = [
+    near = [
         index
-        for index, speed in enumerate(track.speeds_mps)
-        if speed <= STANDING_MPS and np.linalg.norm(track.front_at(index) - target) <= _AROUND_PLACE_M
+        for index in range(len(track.speeds_mps))
+        if np.linalg.norm(track.front_at(index) - target) <= _AROUND_PLACE_M
     ]
+    stands = [index for index in near if track.speeds_mps[index] <= STANDING_MPS]
     if not stands:
-        return (missed(key, "stop", "it does not get there before the scenario ends"),)
+        is_there = any(np.linalg.norm(track.front_at(index) - target) <= _AT_PLACE_M for index in near)
+        why = "it slows down, but does not stand" if is_there else "it does not get there before the scenario ends"
+        return (missed(key, "stops", why),)
     station = project(center, track.front_at(stands[0]))[0]
     standing_s = len(stands) * step_s
     is_long_enough = asked_s is None or abs(standing_s - asked_s) <= _AT_LENGTH_S

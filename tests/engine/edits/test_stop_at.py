@@ -87,6 +87,13 @@ def test_a_stop_that_is_not_reached_in_time_is_not_done(apply: Apply) -> None:
     assert report.achieved[0].reason
 
 
+def test_a_stop_too_short_to_stand_is_not_reported_as_out_of_time(apply: Apply) -> None:
+    brief = apply(stop("120m", duration_s=0.1), builder=ALONE).outcome.edits[0]
+    late = apply(stop("290m", duration_s=1.0), builder=ALONE).outcome.edits[0]
+    assert (brief.done, late.done) == (False, False)
+    assert brief.achieved[0].reason != late.achieved[0].reason
+
+
 @pytest.mark.parametrize("position", ["10m", "25m"])
 def test_a_place_behind_or_too_near_is_refused_with_one_that_works(apply: Apply, position: str) -> None:
     with pytest.raises(NotPossible) as refusal:
