@@ -119,7 +119,7 @@ def resimulate(setup: SimulationSetup, actors: tuple[Actor, ...]) -> dict[int, D
     """Simulate as long as any vehicle is driven; return the driven vehicles' tracks by id.
 
     If a recorded pose is or points off its lane, SUMO may match it to the adjacent road, and the vehicle would drive
-    away there: such vehicles are kept to their route in a second run.
+    away there, or to no lane, and the vehicle would be gone: such vehicles are kept to their route in a second run.
 
     Raises:
         WorkerFailure: SUMO refused the network or a vehicle, or stopped.
@@ -379,15 +379,17 @@ class _Run:
                     self._sumo.hold(actor.key)
 
     def _drive(self, actor: Actor, step: int) -> None:
-        """Hand a vehicle over, or give it its orders; record where it is."""
+        """Hand a vehicle over, or give it its orders; record where it is, unless it is off the lanes."""
         key = actor.key
         if step == actor.drive_from:
             if actor.ignores_lights:
                 self._sumo.ignore_lights(key)
             self._sumo.release(key)
-            if self._sumo.last_edge(key) != actor.edges[-1]:
+            if self._sumo.is_astray(key, actor.edges):
                 self.astray.add(key)
         lane = self._sumo.lane(key)
+        if not lane:
+            return
         highest = [] if key in self.astray else [each.highest_speed_mps(actor, lane) for each in self._controllers]
         highest_mps = min((speed for speed in highest if speed is not None), default=None)
         self._used_lanes.add((key, lane))

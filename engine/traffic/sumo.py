@@ -405,6 +405,14 @@ class Sumo:
         """Return the edge on which a vehicle's route ends."""
         return str(self._vehicle.getRoute(key)[-1])
 
+    def is_astray(self, key: str, edges: Sequence[str]) -> bool:
+        """Return True if SUMO put a placed vehicle onto another road than its route's ``edges``, or onto no lane.
+
+        The front of a long vehicle swings out of its lane in a tight turn. SUMO removes a vehicle that it drives from a
+        place off the lanes.
+        """
+        return not self.lane(key) or self.last_edge(key) != edges[-1]
+
     # Where a vehicle is on the lanes
 
     def lane(self, key: str) -> str:

@@ -256,3 +256,13 @@ def _problem(problem: Problem) -> str:
             "  </planningProblem>",
         ]
     )
+
+
+def swinging_bus(vehicle_id: int, steps: int) -> Vehicle:
+    """Return a bus in the turn of the town road (lane 12) with its front swung out of the lane, off all lanes."""
+    poses = []
+    for step in range(steps):
+        along = math.pi / 4 - 0.02 * step
+        out_rad = 0.5 * math.exp(-0.05 * step)
+        poses.append((200 + 20 * math.cos(along), -20 + 20 * math.sin(along), along - math.pi / 2 + out_rad, 4.0))
+    return Vehicle(vehicle_id, tuple(poses), "bus", 12.0, 2.5)

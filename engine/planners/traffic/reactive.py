@@ -88,12 +88,12 @@ def reactive_traffic(
 
 
 def _misplaced_vehicles(sumo: Sumo, roles: TrafficRoles) -> frozenset[str]:
-    """Return driven vehicles that SUMO places on a road other than their own, found in a separate trial step."""
+    """Return driven vehicles that SUMO places on another road or on no lane, found in a separate trial step."""
     for actor in roles.driven:
         _insert(sumo, actor)
     sumo.step()
     there = frozenset(sumo.vehicles())
-    return frozenset(a.key for a in roles.driven if a.key in there and sumo.last_edge(a.key) != a.edges[-1])
+    return frozenset(a.key for a in roles.driven if a.key in there and sumo.is_astray(a.key, a.edges))
 
 
 def _insert(sumo: Sumo, actor: Actor) -> bool:
@@ -301,11 +301,12 @@ class _ReactiveTraffic:
             state = _recorded_state(actor.track, actor.handover_index)
             grown = self._tracks[actor.track.obstacle_id] = GrowingTrack(actor.track, step)
             grown.add(*state)
-            if actor.key in there:
+            if actor.key in there and self._sumo.lane(actor.key):
                 self._sumo.show_speed(actor.key, state[3])
                 self._sumo.release(actor.key)
                 self._under_way.append(actor)
             else:
+                self._sumo.remove(actor.key)
                 self._lost.append(actor)
 
 

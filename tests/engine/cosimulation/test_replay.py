@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.builders import Vehicle, driving, town_road
+from support.builders import Vehicle, driving, swinging_bus, town_road
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.cosimulation import actors, plans, replay
@@ -75,6 +75,15 @@ def test_stray_vehicles_are_searched_for_until_the_last_hand_over(tmp_path: Path
     plans = {36: recorded_plan(scene, 36, "edited", 0), 33: late}
     resimulate(_setup(scene, tmp_path), all_actors(scene, plans))
     assert runs.steps[0] == 41
+
+
+def test_a_long_vehicle_that_swings_out_of_its_lane_is_driven_on_along_its_route(tmp_path: Path) -> None:
+    scene = _scene(tmp_path, swinging_bus(37, 40))
+    setup = replace(_setup(scene, tmp_path), last_step=40)
+    seen = resimulate(setup, _driving(scene, 37))[37]
+    assert len(seen.front) == 41
+    assert all(seen.lanes)
+    assert seen.lanes[-1].startswith(scene.layout.lane_of[13][0])
 
 
 def test_poses_for_sumo_are_the_front_bumpers(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.builders import Lane, Problem, ScenarioBuilder, Vehicle, crossing, driving, line, town_road
+from support.builders import Lane, Problem, ScenarioBuilder, Vehicle, crossing, driving, line, swinging_bus, town_road
 from support.elsewhere import digest_of_run
 from support.planning import configuration
 
@@ -74,6 +74,12 @@ def test_a_reactive_follower_brakes_although_the_recorded_one_hits(tmp_path: Pat
     follower = reactive.traffic.driven[0]
     assert follower.speeds_mps[-1] < 0.5
     assert follower.positions[-1][0] < reactive.states[-1].position[0] - 4.5
+
+
+def test_a_long_vehicle_that_starts_with_its_front_off_the_lanes_drives_on(tmp_path: Path) -> None:
+    drive = braked(loaded(road(swinging_bus(37, 80)), tmp_path), "reactive")
+    (bus,) = drive.traffic.driven
+    assert bus.positions[-1][1] < -80.0  # lane 13 ends at -100
 
 
 def test_an_ego_across_the_line_is_seen_from_both_lanes(tmp_path: Path) -> None:
