@@ -82,14 +82,16 @@ has() { "$venv/bin/python" -c "from importlib.util import find_spec; raise Syste
 
 pinned() { sed -n "s/^ *\"$1==\([^\"]*\)\".*/\1/p" pyproject.toml; }
 
-install() { "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "$@"; }
+# Python compiles a module when it is first imported, as after an installation by uv. pip would compile all of them now,
+# which takes longer than to unpack them.
+install() { "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile "$@"; }
 
 install_group() {
     if command -v uv >/dev/null 2>&1; then
         development | xargs uv pip install --quiet --python "$venv/bin/python" && return
         say "uv failed; trying pip"
     fi
-    development | xargs "$venv/bin/python" -m pip install --quiet --disable-pip-version-check
+    development | xargs "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile
 }
 
 development() {
