@@ -27,6 +27,7 @@ from .naming.alike import (
     is_half_of,
     is_inflected,
     is_long_enough,
+    is_some_words_of,
     is_transliterated,
     is_with_kind,
 )
@@ -945,9 +946,10 @@ def _read_alike(
         found = found or _read_initials(part, facts)
     if found is None and closeness >= Closeness.PLACE_PART and (settled or not _is_elsewhere(part, facts)):
         words = without_frame(part)
-        found = _read_place_like(words, facts, is_half_of)
+        is_half = is_some_words_of if _is_outside(part, facts) else is_half_of  # ``Lyon``: no ``Place du Lyonnais``
+        found = _read_place_like(words, facts, is_half)
         if found is None and closeness is Closeness.PART:
-            found = _read_road_like(words, facts, is_half_of)
+            found = _read_road_like(words, facts, is_half)
     return found
 
 

@@ -228,6 +228,11 @@ def is_half_of(typed: str, name: str) -> bool:
     return all(word in held for word in words[:-1]) and any(is_begun_with(words[-1], one) for one in held)
 
 
+def is_some_words_of(typed: str, name: str) -> bool:
+    """Return whether a text is half of a name as in :func:`is_half_of`, and its last word is complete too."""
+    return is_half_of(typed, name) and words_of_name(typed)[-1] in words_of_name(name)
+
+
 def is_begun_with(typed: str, name: str) -> bool:
     """Return whether a name begins with the typed letters; a number is never incomplete (``Calle 4``: ``Calle 40``)."""
     return name.startswith(typed) and not (typed[-1].isdecimal() and name[len(typed) : len(typed) + 1].isdecimal())

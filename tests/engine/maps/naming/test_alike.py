@@ -206,6 +206,13 @@ def test_a_settlement_elsewhere_is_not_half_of_a_street() -> None:
     assert find_maps([a_map("Berlin Road")], place="Berlin Road")
 
 
+def test_a_city_elsewhere_in_the_country_is_not_the_beginning_of_a_word() -> None:
+    with pytest.raises(UnknownName):
+        find_maps([a_map("Londonderry Road")], place="London")
+    assert find_maps([a_map("London Road")], place="London")
+    assert find_maps([a_map("Londonderry Road")], place="Londond")
+
+
 def test_the_closest_maps_hide_merely_similar_ones() -> None:
     same, half = a_map("Elm", map_id="map_same"), a_map("Elm Grove", map_id="map_half")
     assert [match.entry for match in find_maps([half, same], place="Elm")] == [same]
