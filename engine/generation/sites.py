@@ -152,8 +152,8 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
 
     If the request has streets, sites on them come first, each narrowed to its parts on them. If several requested
     streets share a node, sites that do not have it come later: rings that the streets only reach at different arms, and
-    after them ramps, whose links may lead to a street that is far away. Ramps with a link in the required direction
-    come before others.
+    after them ramps, whose links may lead to a street that is far away. Sites on the names that a request lists first
+    come before those on its other names, and ramps with a link in the required direction before other ramps.
 
     Raises:
         NotPossible: the map, street or box has no such site of the requested road classes; the error lists the types
@@ -185,6 +185,7 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
             site.only_passed,
             len(request.streets) > 1 and site.kind == "ramp",
             bool(shared) and shared.isdisjoint(_nodes_of(site, ways)),
+            _later_names(site, request.streets),
             at_ramp is not None and at_ramp not in site.turns,
             _is_in_corner(site, request),
         ),
@@ -193,6 +194,11 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
             taken.add(site.position)
             different.append(site)
     return different
+
+
+def _later_names(site: Site, streets: tuple[tuple[str, ...], ...]) -> int:
+    """Return how many names of the requested streets come before the names that a site has of them."""
+    return sum(next((at for at, name in enumerate(names) if _carries(site.streets, (name,))), 0) for names in streets)
 
 
 def _nodes_of(site: Site, ways: Mapping[int, OsmWay]) -> set[int]:

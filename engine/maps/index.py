@@ -1483,7 +1483,7 @@ def _roads_begun(text: str, facts: MapFacts) -> tuple[str, ...]:
 
 
 def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool = False) -> tuple[str, ...]:
-    """Return the roads with a name, including their sections.
+    """Return the roads with a name, including their sections; those with another main name come last.
 
     If there are none, return roads with all words of the name (``Loop 101`` in ``AZ 101 Loop``) or its number (``Route
     99``).
@@ -1517,7 +1517,7 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
             for name, spellings in index.spellings.items()
             if not named.isdisjoint(map(without_kinds, _all_readings(spellings)))
         }
-    return tuple(sorted(same, key=index.order.__getitem__))
+    return tuple(sorted(same, key=lambda name: (keys.isdisjoint(road_keys(name)), index.order[name])))
 
 
 def _roads_of_state(part: str, facts: MapFacts) -> set[str]:

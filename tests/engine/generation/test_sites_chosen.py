@@ -106,6 +106,16 @@ def test_the_requested_streets_are_kept_if_they_meet_or_no_others_do(
 
 
 @pytest.mark.parametrize("seed", range(4))
+def test_sites_on_the_first_name_come_before_those_on_another_name(tmp_path: Path, seed: int) -> None:
+    asked = request(tmp_path, streets=(("Luis Rosa", "Lima", "Rosa"),), seed=seed)
+    sites = fitting_sites(drawn(tmp_path, streets_apart()), asked)
+    assert ["Luis Rosa" in site.streets for site in sites] == sorted(
+        ("Luis Rosa" in site.streets for site in sites), reverse=True
+    )
+    assert {"Luis Rosa" in site.streets for site in sites} == {True, False}
+
+
+@pytest.mark.parametrize("seed", range(4))
 def test_the_crossing_of_two_streets_comes_before_a_ring_that_both_reach(tmp_path: Path, seed: int) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     corners = [(20 * math.cos(k * math.pi / 6), 20 * math.sin(k * math.pi / 6)) for k in range(13)]
