@@ -29,7 +29,9 @@ ROUNDING_MPS = 1e-6
 class Manoeuvre:
     """An order that starts at a step: drive at ``speed_mps``, or change ``lanes_left`` lanes (1 left, -1 right).
 
-    ``profile_mps``: the speeds of the first steps; then ``speed_mps`` is kept.
+    ``profile_mps``: the speeds of the first steps; then ``speed_mps`` is kept. An order without a speed is a lane
+    change, here and in ``motion_of`` of ``engine/edits/scripted.py``. A new kind of order is a field here and a branch
+    in :meth:`ManoeuvreExecutor.act`. A controller (``controllers.py``) can only make a vehicle slower.
     """
 
     from_step: int

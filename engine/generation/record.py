@@ -110,7 +110,11 @@ def absences_of(
 ) -> tuple[VehicleAbsence, ...]:
     """Return the requested vehicles that are missing or changed, each with the reason.
 
-    A removed vehicle counts as replaced if a spare of its class takes its place.
+    A removed vehicle counts as replaced if a spare of its class takes its place. Only cars beyond the requested classes
+    can be missing: the traffic is drawn again until it has the classes in ``Demand.least``, or the call is refused.
+    Where the reasons are decided: ``not_drivable`` and ``overlap`` in ``engine/traffic/motions.py``, ``file_too_large``
+    in ``engine/generation/traffic.py``, ``no_such_goal`` and ``no_ego_class`` in the arguments below. ``no_room``
+    is what remains.
 
     Args:
         ego: the requested ego.
@@ -217,7 +221,7 @@ def density_notes(density: DensityFacts, demand: Demand, realised: int) -> list[
     """Return notes on the vehicles that found no room and on the reason if the density misses its target."""
     notes = []
     if realised < demand.total:
-        notes.append(f"{realised} of {demand.total} vehicles could be placed on the site's roads")
+        notes.append(f"{realised} of {demand.total} requested vehicles are in the file")
     target, reached = density.target_per_lane_km, density.at_start_per_lane_km
     if abs(reached - target) > MISSED_BY * target:
         side = "higher" if reached > target else "lower"

@@ -100,8 +100,8 @@ class OsmRelation:
 class OsmMap:
     """An extract: all nodes by id, ways in the file's order, relations, and the bounds that its header declares.
 
-    ``attribution`` is empty for OpenStreetMap's own data; ``name`` and ``country`` (ISO 3166-1 alpha-3) are set if the
-    file states them.
+    ``attribution`` is empty for OpenStreetMap's own data; a reader of another format must set it. ``name`` and
+    ``country`` (ISO 3166-1 alpha-3) are set if the file states them.
     """
 
     nodes: dict[int, OsmNode]

@@ -47,7 +47,8 @@ MAP_FORMATS: tuple[MapFormat, ...] = (
 )
 """All formats except OpenStreetMap's binary one. If two endings fit a name, the first counts.
 
-To add one, enter it here, and its reader in ``map_file.MAP_READERS``.
+To add one, enter it here, and its reader in ``map_file.MAP_READERS``. Imports and map folders take their endings from
+here.
 """
 MAP_ENDINGS = (
     *(plain + packed for one in MAP_FORMATS for plain in one.endings for packed in ("", *_PACKED)),

@@ -14,6 +14,7 @@ from ...engine.execution import silent
 from ...engine.planners import make_planner, simulate
 from ...engine.vehicles import vehicle_of
 from ...schemas.errors import NotPossible
+from ...schemas.generation import USUAL_GOAL
 from ...schemas.runs import NO_TRAJECTORY
 from ..attempts import Attempt, EvalRequest, MadeCall, Score
 from .common import built_in, last_of, refused, scored
@@ -25,7 +26,7 @@ _USUAL: Mapping[str, tuple[object, ...]] = {
     "duration_s": (None, 20, 20.0),
     "count": (None, 1),
     "ego": (None, "first"),
-    "goal": (None, "through", "steps:50"),
+    "goal": (None, USUAL_GOAL),
     "road_classes": (None, ["roads"], []),
     "vehicles": (None, [], ["car"]),
     "scenario_type": (None, "any"),

@@ -157,7 +157,10 @@ class TrafficConditions(Model):
 THROUGH = "through"
 """The goal beyond the site, as far along the ego's route as the scenario's duration allows."""
 USUAL_GOAL, USUAL_EGO, USUAL_DURATION_S = THROUGH, "first", 20
-"""The defaults of all generation arguments. The recipe records them."""
+"""The defaults of all generation arguments. The recipe records them.
+
+A goal's time window is set in ``engine/generation/planning_problem.py``; planners aim at its middle.
+"""
 LONGEST_DURATION_S = 120
 """Maximum duration of a recording (chosen)."""
 LONGEST_FOR_TURN_S = 60
