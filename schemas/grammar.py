@@ -213,7 +213,13 @@ def scope_first(text: str) -> str:
     return text if found is None else f"{found[1]}{found[3]}{found[2]}"
 
 
-def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False, words: bool = False) -> Condition:
+_FORMS = (">=2", "=2", "=2..5", "")
+"""What may follow the name in a condition."""
+
+
+def parse_condition(
+    text: str, unit: BaseUnit = "", *, whole: bool = False, words: bool = False, example: str = "car"
+) -> Condition:
     """Parse a condition: ``truck>=1``, ``car=2..5``, ``!yield``, ``speed_limit=50km/h`` or ``outcome=collision``.
 
     Args:
@@ -221,16 +227,17 @@ def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False, word
         unit: the base unit for a quantity on the right.
         whole: counts: ``>`` and ``<`` mean at least one more or less, and a fraction is refused.
         words: whether a word may be on the right, as in ``outcome=collision``.
+        example: a name that is valid here, for the refusal.
 
     Raises:
-        InvalidRequest: the condition is malformed.
+        InvalidRequest: the condition is malformed; the error shows valid ones.
     """
     match = re.fullmatch(rf"\s*(!?)\s*({_NAME})(?:@([a-z]+))?\s*(?:(>=|<=|==|=|>|<)\s*(.+?))?\s*", scope_first(text))
     if match is None:
         raise InvalidRequest(
             f"'{text}' is not a condition",
-            valid=["name", "!name", "name=2", "name>=2", "name=2..5"],
-            next_step="write it in one of these forms",
+            valid=["outcome=collision", "!outcome=collision"] if words else [f"{example}{one}" for one in _FORMS],
+            next_step="write it like these",
         )
     negated, name, scope, operator, right = bool(match[1]), match[2], match[3], match[4], match[5]
     if operator is None:

@@ -231,7 +231,7 @@ def _feature(text: str) -> Constraint:
     measure = _MEASURE_WORDS.get(key, key)
     if measure not in MEASURES:
         return _word_constraint("feature", text, _feature_name)
-    condition = parse_condition(text, "" if measure == "density" else "s")
+    condition = parse_condition(text, "" if measure == "density" else "s", example=measure)
     _scope(condition, ("ego",))
     if not any(mark in text for mark in "<>="):
         raise InvalidRequest(f"'{text}' gives no value for {measure}", valid=["ttc<=3s", "horizon>=10s", "density>=10"])
@@ -247,7 +247,7 @@ def _road_net(text: str) -> Constraint:
         return _lanes(text)
     if name == "speed_limit" and any(mark in text for mark in "<>="):
         return _limit(text)
-    condition = parse_condition(text)
+    condition = parse_condition(text, example=name)
     scope = _scope(condition, ("ego", "map"))
     if condition.interval != Interval(1.0, None):
         raise InvalidRequest(
@@ -267,7 +267,7 @@ def _road_net(text: str) -> Constraint:
 
 
 def _lanes(text: str) -> Constraint:
-    condition = parse_condition(text, whole=True)
+    condition = parse_condition(text, whole=True, example="lanes")
     _scope(condition, ("ego",))
     query = "SELECT number FROM catalog_scenarios WHERE lanes BETWEEN ? AND ?"
     return Constraint("road_net", "lanes", one_line(text), query, _bounds(condition.interval, 0.0), condition.negated)
@@ -275,7 +275,7 @@ def _lanes(text: str) -> Constraint:
 
 def _limit(text: str) -> Constraint:
     _refuse_without_unit(text, text.lstrip("!").partition("@")[0], ["speed_limit=50km/h", "speed_limit<=30mph"])
-    condition = parse_condition(text, "m/s")
+    condition = parse_condition(text, "m/s", example="speed_limit")
     scope = _scope(condition, ("ego", "map"))
     low, high = _bounds(condition.interval, LIMIT_TOLERANCE_KMH, 3.6)
     query = "SELECT DISTINCT number FROM catalog_limits WHERE scope = ? AND kmh BETWEEN ? AND ?"

@@ -238,8 +238,9 @@ def _time(value: str) -> tuple[str, str]:
     hour = -1 if found is None else int(found[1]) % 12 + 12 * (found[3] == "pm") if found[3] else int(found[1])
     minute = 0 if found is None or found[2] is None else int(found[2])
     if not (0 <= hour < 24 and 0 <= minute < 60):
-        meant = value if found is None else ""  # another hour would be a guess
-        raise InvalidRequest(f"time={value} is not a time of day", valid=[*_TIMES, "17:30"], given=meant)
+        meant = f"time={value}" if found is None else ""  # another hour would be a guess
+        times = [f"time={known}" for known in (*_TIMES, "17:30")]
+        raise InvalidRequest(f"'time={value}' is not a time of day", valid=times, given=meant)
     return f"{hour:02d}:{minute:02d}", ""
 
 
