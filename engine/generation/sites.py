@@ -468,7 +468,7 @@ def _fitting_of(
     if not _has_meeting(more, request):
         more = _fitting_meetings(finder, kinds, request) or more
     if not found and not more:
-        more = _fitting_besides_motorways(finder, kinds, request)
+        more = _fitting_besides_motorways(finder, kinds, request) or _fitting_joints(finder, kinds, request)
     return {kind: both for kind in ANY_ORDER if (both := [*found.get(kind, []), *more.get(kind, [])])}
 
 
@@ -499,6 +499,17 @@ def _fitting_meetings(
         fitting = [site for site in sites if _passes_by(site, request) and _is_in_box(site, request)]
         found |= {kind: fitting} if fitting else {}
     return found
+
+
+def _fitting_joints(
+    finder: SiteFinder, kinds: Iterable[SiteType], request: GenerationRequest
+) -> dict[SiteType, list[Site]]:
+    """Return the roads where a requested street continues another one without a junction, for each kind of road."""
+    if len(request.streets) < 2:
+        return {}
+    joints = _fitting(finder, finder.joints_of_streets(), request)
+    of_kind = {kind: [site for site in joints if site.kind == kind and not site.only_passed] for kind in kinds}
+    return {kind: fitting for kind, fitting in of_kind.items() if fitting}
 
 
 def _fitting_besides_motorways(

@@ -60,6 +60,8 @@ EXPRESSWAY_KMH = 80
 """A one-way trunk road with at least this limit counts as a motorway (chosen)."""
 ARMS_OF_A_CROSSING = 4
 """Minimum number of arms if one-way roads cross; with three, they only fork or join."""
+ARMS_OF_A_JOINT = 2
+"""Number of arms of a node at which two roads continue each other."""
 MARKED_BY_NODES: frozenset[SiteType] = frozenset({"intersection", "signalised_intersection", "ramp", "urban"})
 
 
@@ -166,6 +168,10 @@ class _Crossings:
         """Return junctions of different streets: not of one road that splits in two, and not of expressways."""
         return [key for key in self.junctions if self._crosses(key) and not self._is_of_expressways(key)]
 
+    def joints(self) -> list[int]:
+        """Return nodes with two arms that belong to different streets: the end of one is the beginning of the other."""
+        return [key for key, count in self._arms.items() if count == ARMS_OF_A_JOINT and self._crosses(key)]
+
     def _crosses(self, key: int) -> bool:
         names = {way.tags.get("name") or way.tags.get("ref") or str(way.way_id) for way in self.ways_at(key)}
         return len(names) > 1 or len(self.ways_at(key)) > 3
@@ -261,6 +267,13 @@ class SiteFinder:
     def middles_of_streets(self) -> list[Site]:
         """Return the middles of the streets among houses, as urban sites of streets without a junction among them."""
         return _merged(self._middles_of_streets()) if self._road_m > LEAST_ROAD_M else []
+
+    def joints_of_streets(self) -> list[Site]:
+        """Return where a street ends and another one continues it, as urban sites, or rural ones far from houses."""
+        joints = self._joints_of_streets() if self._road_m > LEAST_ROAD_M else []
+        return _merged([spot for spot in joints if spot.kind == "urban"]) + _merged(
+            [spot for spot in joints if spot.kind == "rural"]
+        )
 
     def narrowed(self, site: Site, is_wanted: Callable[[SitePart], bool]) -> Site:
         """Return a site with its matching parts; if no part matches, the whole site, marked ``only_passed``."""
@@ -585,6 +598,16 @@ class SiteFinder:
             suited = (node for node in nodes if not self._far_from_houses(node) and not self._at_motorway(node))
             if (node := next(suited, None)) is not None:
                 spots.append(self._spot("urban", node, [way], node.node_id))
+        return spots
+
+    def _joints_of_streets(self) -> list[_Spot]:
+        spots = []
+        for key in self._streets.joints():
+            node, ways = self.osm.nodes[key], self._streets.ways_at(key)
+            if any(way.road_class in FAST_ROADS for way in ways):
+                continue
+            kind: SiteType = "rural" if self._far_from_houses(node) else "urban"
+            spots.append(self._spot(kind, node, ways, key if kind == "urban" else ways[0].way_id))
         return spots
 
     def _at_motorway(self, node: OsmNode) -> bool:

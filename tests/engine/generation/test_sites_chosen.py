@@ -130,6 +130,21 @@ def test_the_crossing_of_two_streets_comes_before_a_ring_that_both_reach(tmp_pat
     assert [site.kind for site in others] == ["roundabout"]
 
 
+def test_a_street_that_another_one_continues_is_an_urban_site_where_they_join(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-300, 0), (0, 0)], "residential", "West Street")
+    sketch.road([(0, 0), (0, 300)], "residential", "North Street")
+    sketch.road([(0, 300), (300, 300)], "residential", "East Street")
+    sketch.road([(-300, -80), (-300, 0), (-300, 200)], "residential", "Pine Street")
+    sketch.area([(-400, -400), (400, -400), (400, 400), (-400, 400), (-400, -400)], "residential")
+    osm = drawn(tmp_path, sketch)
+    asked = request(tmp_path, streets=(("West Street",), ("North Street",)), scenario_type="any")
+    (site,) = fitting_sites(osm, asked)
+    assert set(site.streets) == {"West Street", "North Street"}
+    with pytest.raises(NotPossible):
+        fitting_sites(osm, request(tmp_path, streets=(("West Street",), ("East Street",)), scenario_type="any"))
+
+
 def test_a_ring_keeps_the_links_that_are_its_arms(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     corners = [(30 * math.cos(k * math.pi / 6), 30 * math.sin(k * math.pi / 6)) for k in range(13)]
