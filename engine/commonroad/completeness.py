@@ -6,7 +6,7 @@ commonroad-io itself would fail with a Python error, or place an ego without a p
 
 from typing import Any
 
-from .value_limits import OLD_GOAL, BeyondLimits
+from .value_limits import OLD_GOAL, BeyondLimits, superfluous_polygons
 
 READ_VERSIONS = ("2020a", "2018b")
 OLD_VERSION = "2017a"
@@ -23,7 +23,10 @@ def complete(root: Any) -> None:
     Heights of lanelets' points are removed, because roads are treated as flat. A file without tags gets an empty list,
     and a location without a place gets the elements for an unknown place. A network of format 2017a is read as one of
     2018b. A ``<goalRegion>`` of formats older than 2017a is removed, as in commonroad-io; its problem then has no goal.
+    A polygon that adds no area to its shape is removed, because CommonRoad's collision checker crashes on it.
     """
+    for shape, polygon in superfluous_polygons(root):
+        shape.remove(polygon)
     for point in root.iterfind("lanelet/*/point"):
         for height in point.findall("z"):
             point.remove(height)

@@ -301,7 +301,10 @@ def _check_steps(top: Any, owner: str) -> None:
 
 
 def _check_drawn(top: Any, owner: str) -> None:
-    """Check that lanelets and polygons cover an area, and that a lanelet's centre line has a length."""
+    """Check that lanelets and shapes cover an area, and that a lanelet's centre line has a length.
+
+    A shape may consist of many polygons, and triangulation leaves some without an area; these add nothing to it.
+    """
     next_step = "correct its points in the file"
     if top.tag == "lanelet":
         left, right = (_points_of(top.find(bound)) for bound in ("leftBound", "rightBound"))
@@ -312,10 +315,22 @@ def _check_drawn(top: Any, owner: str) -> None:
             )
         if _is_on_a_line(left + right):
             raise BeyondLimits(top, f"{owner} covers no area", f"at least {SHORTEST_M:g} m wide", next_step)
+    spared = {id(polygon) for _, polygon in superfluous_polygons(top)}
     for polygon in top.iter("polygon"):
-        if _is_on_a_line(_points_of(polygon)):
-            what = f"a polygon of {owner} covers no area"
-            raise BeyondLimits(polygon, what, f"at least {SHORTEST_M:g} m wide", next_step)
+        if id(polygon) in spared or not _is_on_a_line(_points_of(polygon)):
+            continue
+        what = f"a polygon of {owner} covers no area"
+        raise BeyondLimits(polygon, what, f"at least {SHORTEST_M:g} m wide", next_step)
+
+
+def superfluous_polygons(top: Any) -> list[tuple[Any, Any]]:
+    """Return the polygons without an area in shapes that have other parts, each after its shape."""
+    found = []
+    for shape in top.iter("shape"):
+        parts = list(shape)
+        flat = [part for part in parts if part.tag == "polygon" and _is_on_a_line(_points_of(part))]
+        found += [(shape, part) for part in flat if len(flat) < len(parts)]
+    return found
 
 
 def _points_of(element: Any) -> _Places:

@@ -23,7 +23,7 @@ from ..osm import LIMITS
 
 LARGEST_ID = 2**31
 SAME_PLACE_M = 0.01
-"""Nodes in one square of this size are one (chosen): many files give degrees with 7 decimals, which is 1 cm."""
+"""Nodes no farther apart than this are one (chosen): many files give degrees with 7 decimals, which is 1 cm."""
 MOST_LANELETS = 10_000
 """Chosen, as for all CommonRoad files."""
 USERS = {
@@ -96,12 +96,17 @@ class _Plane:
 
     @cached_property
     def same(self) -> dict[int, int]:
-        """The id of the first node at each node's position, by id; some programs write a node for every line's end."""
-        first: dict[tuple[int, int], int] = {}
-        return {
-            key: first.setdefault((round(x / SAME_PLACE_M), round(y / SAME_PLACE_M)), key)
-            for key, (x, y) in self.positions.items()
-        }
+        """The id of the first node near each node, by id; some programs write a node for every line's end."""
+        from scipy.spatial import cKDTree
+
+        keys = list(self.positions)
+        if not keys:
+            return {}
+        tree = cKDTree(np.array(list(self.positions.values())))
+        first = list(range(len(keys)))
+        for one, other in sorted(tree.query_pairs(SAME_PLACE_M)):
+            first[other] = min(first[other], first[one])
+        return {key: keys[first[number]] for number, key in enumerate(keys)}
 
 
 def convert_lanelet2(source: Path, target: Path) -> tuple[str, ...]:

@@ -105,6 +105,16 @@ BEYOND = {
 }
 
 
+def test_a_polygon_without_area_in_a_shape_with_other_parts_is_left_out(tmp_path: Path) -> None:
+    parts = re.search("<shape>(.*)</shape>", OCCUPANCY, re.DOTALL), re.search("<polygon>.*</polygon>", FLAT, re.DOTALL)
+    assert all(parts)
+    both = OCCUPANCY.replace("<shape>", f"<shape>{parts[1][0]}").replace("100000", "9")
+    path = tmp_path / "file.xml"
+    path.write_text(GOOD.replace("  <planningProblem", "  " + PHANTOM.format(both) + "<planningProblem", 1))
+    (phantom,) = read_scenario(path).scenario.phantom_obstacle
+    assert "Polygon" not in str(phantom.prediction.occupancy_set[0].shape)
+
+
 @pytest.mark.parametrize("name", BEYOND)
 def test_values_beyond_the_limits_are_refused_by_element_and_line(tmp_path: Path, name: str) -> None:
     text, reason = BEYOND[name]

@@ -167,6 +167,9 @@ def test_lanelets_follow_although_each_line_has_its_own_nodes(tmp_path: Path, sc
     for number, reference in enumerate(root.iterfind("way/nd"), start=900_000):
         node = deepcopy(nodes[reference.get("ref")])
         node.set("id", str(number))
+        node.set(
+            "lat", f"{float(node.get('lat')) + 3e-8 * (number % 2):.10f}"
+        )  # 3 mm: less than the coordinates' digits
         reference.set("ref", str(number))
         root.insert(0, node)
     path.write_bytes(etree.tostring(root))
