@@ -13,7 +13,6 @@ import sys
 import sysconfig
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import urlsplit
@@ -24,7 +23,7 @@ from rich.table import Column, Table
 
 from .. import __version__
 from ..schemas.catalog import EMBEDDINGS_EXTRA
-from ..schemas.errors import PlannerForgeError
+from ..schemas.errors import PlannerForgeError, misspelt_names
 from ..server.settings import Settings, settings_file
 from ..workflows.context import INDEX_FOLDER
 from .hosts import HOSTS, Host, address_of, has_server, mend_program
@@ -283,7 +282,7 @@ def _nearest(folder: Path) -> Path:
     above = _lowest_above(folder)
     missing = folder.relative_to(above).parts[0]
     siblings = [path.name for path in above.iterdir() if path.is_dir()] if os.access(above, os.R_OK | os.X_OK) else []
-    like = get_close_matches(missing, siblings, n=1)
+    like = misspelt_names(missing, siblings)
     return above / like[0] if like else above
 
 

@@ -13,10 +13,9 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Literal
 
-from .errors import InvalidRequest, UnknownName, closest, instead
+from .errors import InvalidRequest, UnknownName, closest, instead, misspelt_names
 
 _LETTER = r"[^\W\d]|[^\x00-\xbf\xd7\xf7\u2000-\u2bff\u3000-\u303f\uff00-\uffef\s]"
 """A letter of any script or a mark that combines with it, which is not \\w; the ranges are spaces and symbols."""
@@ -25,8 +24,6 @@ _NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 _UNSIGNED = r"\d+(?:\.\d*)?"
 """A number without a sign, so a dash or a word may follow."""
 _UNIT = r"[A-Za-z][A-Za-z/0-9]*"
-_ALIKE = 0.75
-"""The minimum similarity (difflib's ratio) of a word to the unit that it may misspell (chosen)."""
 BaseUnit = Literal["m/s", "m", "s", ""]
 _TO_BASE: dict[str, dict[str, float]] = {
     "m/s": {
@@ -147,7 +144,7 @@ def _units_meant(word: str, units: Mapping[str, float]) -> list[str]:
     """
     quotients = [one for one in units if one.startswith(f"{word}/")]
     begun = [next(iter(units))] if any(one.startswith(word) for one in units) else []
-    alike = get_close_matches(word, units, cutoff=_ALIKE)
+    alike = misspelt_names(word, units)
     return quotients or begun or (alike if len({units[one] for one in alike}) == 1 else [])
 
 

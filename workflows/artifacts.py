@@ -26,6 +26,7 @@ from .context import WorkflowContext
 from .maps import inventory_of_read_maps
 from .operations import SUCCESS_RATES
 from .paging import check_offset
+from .rendering import named_artifact
 from .results import lineages, run_record, with_versions
 from .runs import after_batch
 
@@ -55,7 +56,7 @@ async def list_artifacts(arguments: ListArtifactsArguments, context: WorkflowCon
         UnknownName: there is no artifact or map with the id in ``parent``.
     """
     if arguments.parent:
-        _check_parent(arguments.parent, context)
+        arguments = arguments.model_copy(update={"parent": _parent_id(arguments.parent, context)})
     if arguments.kind == "job":
         return _jobs(arguments, context)
     if arguments.offset:
@@ -88,13 +89,17 @@ def _is_filtered(arguments: ListArtifactsArguments) -> bool:
     return bool(arguments.parent or arguments.text)
 
 
-def _check_parent(parent: str, context: WorkflowContext) -> None:
-    """Refuse an id that neither a stored artifact nor a built-in map has."""
+def _parent_id(parent: str, context: WorkflowContext) -> str:
+    """Return the id of a stored artifact or a map, or of what a word such as ``latest_batch`` refers to.
+
+    Raises:
+        UnknownName: there is nothing with this id.
+    """
     if context.workspace.count(parent=parent) or any(
         one.facts.map_id == parent for one in inventory_of_read_maps(context).entries
     ):
-        return
-    context.workspace.kind_of(parent)
+        return parent
+    return named_artifact(parent, context).artifact_id
 
 
 async def _summaries(batches: Sequence[BatchRecord], context: WorkflowContext) -> list[BatchSummary]:
@@ -243,13 +248,21 @@ async def cancel_job(arguments: CancelJobArguments, context: WorkflowContext) ->
 def _job_id(word: str, context: WorkflowContext) -> str:
     """Return the id of a job; ``latest`` is the client's latest job, or else the workspace's newest, with a remark."""
     if word != "latest":
-        return context.jobs.store.get(word).job_id
+        return _job(word, context).job_id
     own = _own_latest(context)
     if own is not None:
         return own
     newest = context.jobs.store.get(word)
     context.remark_source("job", newest.job_id)
     return newest.job_id
+
+
+def _job(word: str, context: WorkflowContext) -> Job:
+    """Return the job with this id; a refusal also names ``latest`` if the word may misspell it."""
+    try:
+        return context.jobs.store.get(word)
+    except UnknownName as refusal:
+        raise refusal.with_words(word, ["latest"]) from refusal.__cause__
 
 
 def _own_latest(context: WorkflowContext) -> str | None:
@@ -279,7 +292,7 @@ def _own_job_id(word: str, context: WorkflowContext) -> str:
     own = _own_latest(context) if word == "latest" else word
     if own is None:
         raise UnknownName("no job was started with this token", next_step="get_job and list_artifacts show other jobs")
-    job = context.jobs.store.get(own)
+    job = _job(own, context)
     if job.owner != owner:
         running = [each.job_id for each in context.jobs.store.newest_of(owner, _MOST_NAMED) if not each.ended]
         raise NotPossible(

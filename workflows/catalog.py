@@ -34,7 +34,7 @@ from ..schemas.catalog import (
     RankRequest,
     SearchRecord,
 )
-from ..schemas.errors import InvalidRequest, UnknownName, closest, misspelt, with_values
+from ..schemas.errors import InvalidRequest, UnknownName, closest, misspelt, misspelt_names, with_values
 from ..schemas.generation import MapFacts
 from ..schemas.odd import OddCoverage, OddEntry, OddRequest
 from ..schemas.runs import RunRecord
@@ -193,7 +193,7 @@ def _unknown_place(word: str, context: WorkflowContext) -> UnknownName:
     places = {facts.place for facts in maps}
     places |= {place for place, country in stored.places if is_place(country, place)}
     near = closest(word, sorted(places))
-    meant = [place for place in near if misspelt(word, [place])]
+    meant = misspelt_names(word, near)
     alike = [] if meant else countries_spelt_like(word.strip().removeprefix("!"))
     filled = {code for facts in maps for code in (facts.country, *facts.countries_near)} | {*stored.countries}
     countries = [country_name(code) for code in alike if code in filled]

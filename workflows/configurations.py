@@ -6,7 +6,7 @@ from ..engine.planners import source_that_drives
 from ..engine.tuning import DEFAULT_CONFIGURATION, from_file, named_configuration, read_weight_file, to_yaml
 from ..engine.workspace import Artifact, Recipe, content_digest, write_text
 from ..schemas.artifacts import ImportedItem
-from ..schemas.errors import NotPossible, UnknownName, closest
+from ..schemas.errors import NotPossible, UnknownName, closest, misspelt_names
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.runs import VERSION_MARK, configuration_id
 from ..schemas.text import one_line, shown_name
@@ -42,15 +42,24 @@ def resolve_configuration(text: str, context: WorkflowContext) -> PlannerConfigu
         configuration = stored.read(PlannerConfiguration)
         _check_version(text, configuration)
         return configuration
-    preset = None if text.lower().startswith("cfg_") else named_configuration(text)
+    preset = None if text.lower().startswith("cfg_") else _named(text)
     if preset is None:
         known = [made.config_id for made in made_configurations(context, _SEARCHED)]
+        words = ("current", DEFAULT_CONFIGURATION)
         raise UnknownName(
             f"there is no configuration '{text}'",
-            valid=[*closest(text, known), "current", DEFAULT_CONFIGURATION],
+            valid=dict.fromkeys([*misspelt_names(text, [*known, *words]), *words, *closest(text, known)]),
             next_step="choose an existing one, or call configure_planner for a new one",
         )
     return preset
+
+
+def _named(text: str) -> PlannerConfiguration | None:
+    """Return the configuration that a planner's name or ``PLANNER:PRESET`` gives, or None."""
+    try:
+        return named_configuration(text)
+    except UnknownName as refusal:
+        raise refusal.with_words(text, _CURRENT) from refusal.__cause__
 
 
 def _check_version(text: str, configuration: PlannerConfiguration) -> None:

@@ -22,7 +22,7 @@ from ..engine.execution import (
 )
 from ..engine.workspace import ARTIFACT_KINDS, Artifact, ArtifactKind, Recipe, Workspace
 from ..schemas.catalog import PACKAGED_MODEL
-from ..schemas.errors import OutsideRoots, UnknownName, calling, instead, misspelt
+from ..schemas.errors import OutsideRoots, UnknownName, calling, instead, misspelt_names
 from ..schemas.maps import MapServices
 from ..schemas.text import plural, quoted
 
@@ -31,6 +31,8 @@ _MOST_RECENT = 1_000
 """How many artifacts and jobs of a session are remembered (chosen). Older artifacts need their id."""
 RESULT_WORDS = ("latest_run", "previous_run", "latest_batch", "previous_batch")
 """The words for the newest results of a client and those before them."""
+_KIND_WORDS = (*RESULT_WORDS, "latest_scenario")
+"""The words that refer to artifacts of one kind."""
 INDEX_FOLDER = "index"
 """The folder of the text index in the workspace."""
 
@@ -195,32 +197,39 @@ class WorkflowContext:
             try:
                 return self.workspace.get(word, kind)
             except UnknownName as refusal:
-                raise self._other_meaning(word, kind) or refusal.also(
-                    *misspelt(word, ["latest"])
-                ) from refusal.__cause__
+                other = self._other_meaning(word, kind)
+                raise other or refusal.with_words(word, ("latest", f"latest_{kind}")) from refusal.__cause__
         newest = self.newest(kind)
         return newest[0] if newest else self.workspace.get("latest", kind)
 
     def _other_meaning(self, word: str, wanted: ArtifactKind) -> UnknownName | None:
-        """Return the refusal of a word that refers to an artifact of another kind, or None."""
-        known: Artifact | None = None
-        if word in RESULT_WORDS:
-            age, _, kind = word.partition("_")
-            stored = self.newest(kind, count=1 if age == "latest" else 2)  # type: ignore[arg-type]
-            known = stored[-1] if stored else None
-        else:
-            kinds = (kind for kind in ARTIFACT_KINDS if kind != wanted)
-            found = (self.workspace.find(kind, word) for kind in kinds)  # type: ignore[arg-type]
-            known = next((one for one in found if one is not None), None)
+        """Return the refusal of a word that refers, perhaps misspelt, to an artifact of another kind, or None."""
+        known = self._of_another_kind(word, wanted)
+        meant = word
+        if known is None:
+            own = ("latest", f"latest_{wanted}")
+            meant = next(iter(misspelt_names(word, (*own, *_KIND_WORDS))), "")
+            known = None if meant in own else self._of_another_kind(meant, wanted)
         if known is None:
             return None
-        own = self._belonging_to(known, wanted)
+        belonging = self._belonging_to(known, wanted)
+        what = f"'{word}' is" if meant == word else f"there is no {wanted} '{word}'; {meant} is"
         return UnknownName(
-            f"'{word}' is a {known.kind}, not a {wanted}",
-            valid=own,
+            f"{what} a {known.kind}, not a {wanted}",
+            valid=belonging,
             next_step=f"use the id of a {wanted}",
-            remedies=[instead(word, own[0])] if len(own) == 1 else [],
+            remedies=[instead(word, belonging[0])] if len(belonging) == 1 else [],
         ).also(calling("list_artifacts", kind=wanted))
+
+    def _of_another_kind(self, word: str, wanted: ArtifactKind) -> Artifact | None:
+        """Return the artifact of another kind that an id or a word such as ``latest_batch`` refers to, or None."""
+        if word in _KIND_WORDS:
+            age, _, kind = word.partition("_")
+            stored = self.newest(kind, count=1 if age == "latest" else 2)  # type: ignore[arg-type]
+            return stored[-1] if stored and kind != wanted else None
+        kinds = (kind for kind in ARTIFACT_KINDS if kind != wanted)
+        found = (self.workspace.find(kind, word) for kind in kinds)  # type: ignore[arg-type]
+        return next((one for one in found if one is not None), None)
 
     def _belonging_to(self, known: Artifact, wanted: ArtifactKind) -> list[str]:
         """Return the ids of the artifacts of a kind that belong to a run or a batch, each once."""

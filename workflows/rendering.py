@@ -41,7 +41,6 @@ from .results import (
     run_sources,
     scenario_sources,
     version_key,
-    with_words,
 )
 
 FOLDER = "pictures"
@@ -145,7 +144,7 @@ def named_artifact(word: str, context: WorkflowContext) -> Artifact:
     try:
         return context.workspace.get(word, context.workspace.kind_of(word))
     except UnknownName as refusal:
-        raise with_words(refusal, word, (*WORDS, "latest_scenario", "current")) from refusal.__cause__
+        raise refusal.with_words(word, (*WORDS, "latest_scenario", "current")) from refusal.__cause__
 
 
 async def draw(

@@ -20,7 +20,6 @@ from ..schemas.errors import (
     UnknownName,
     calling,
     instead,
-    misspelt,
     with_values,
 )
 from ..schemas.modification import Edit
@@ -120,7 +119,7 @@ def result_named(word: str, context: WorkflowContext) -> Artifact:
     try:
         kind = context.workspace.kind_of(word, "run", "batch")
     except UnknownName as refusal:
-        raise with_words(refusal, word, WORDS) from refusal.__cause__
+        raise refusal.with_words(word, WORDS) from refusal.__cause__
     if kind not in ("run", "batch"):
         made = [one for made in ("run", "batch") for one in context.workspace.newest(kind=made, parent=word, limit=1)]
         raise InvalidRequest(
@@ -133,19 +132,6 @@ def result_named(word: str, context: WorkflowContext) -> Artifact:
             ],
         )
     return context.workspace.get(word, kind)
-
-
-def with_words(refusal: UnknownName, word: str, words: Sequence[str]) -> UnknownName:
-    """Return the refusal of an id with the words, such as ``latest_batch``, that it may misspell."""
-    meant = misspelt(word, words)
-    names = [name for name in words if misspelt(word, [name])]
-    return UnknownName(
-        refusal.message,
-        valid=[*names, *refusal.valid],
-        next_step=refusal.next_step,
-        reason=refusal.reason,
-        remedies=[*meant, *refusal.remedies],
-    )
 
 
 def _chosen(artifact: Artifact) -> ChosenResult:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from ...schemas.errors import InvalidRequest, UnknownName, closest, instead, misspelt, with_values
+from ...schemas.errors import InvalidRequest, UnknownName, closest, instead, misspelt_names, with_values
 from ...schemas.grammar import Condition, Interval, parse_condition
 from ...schemas.measures import metric_of_label
 from ...schemas.runs import RunRecord, configuration_id
@@ -123,7 +123,7 @@ def _no_such_field(runs: RunSet, name: str, text: str, *, is_bare: bool) -> Unkn
             remedies=[instead(text, one) for one in meant],
             complete=True,
         )
-    near = [field for field in closest(name, fields) if misspelt(name, [field])]
+    near = misspelt_names(name, fields)
     return UnknownName(
         f"runs have no field '{name}'",
         valid=dict.fromkeys([*near, *fields]),

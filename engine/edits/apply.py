@@ -18,7 +18,6 @@ from ...schemas.errors import Faults, InvalidRequest, NotPossible, with_values
 from ...schemas.modification import EDITS, Edit, EditOperation, EditReport, ModificationOutcome, ModificationRequest
 from ..commonroad import ScenarioDocument, Track
 from ..cosimulation import (
-    NOT_DRIVABLE,
     ROUTES_FILE,
     TYPES_FILE,
     DrivePlan,
@@ -41,6 +40,7 @@ from .given import GivenScenario
 from .moving import crossing_step
 from .placement import first_place
 from .references import describe_matches, select, target_lanelets
+from .refusals import check_arguments, of_several
 from .report import outcome_of
 from .scene_cache import KeptScene, scene_of
 from .simulation import Simulation
@@ -127,7 +127,7 @@ def _apply_in_stages(request: ModificationRequest, report: ProgressReporter, fol
         changed = folder / f"changed{index}.xml"
         faults = Faults()
         with faults.collecting(where, ("edits", number)):
-            _check_arguments(edit)
+            check_arguments(edit)
             what = _transformed(edit, xml, request, changed)
         faults.raise_all()
         outcomes.append(_transform_outcome(index - request.earlier, edit, what))
@@ -291,7 +291,7 @@ def resolved_edits(
         where = f"edit {number} ({edit.op})" if first or len(edits) - earlier > 1 else ""
         place = ("edits", number)
         with faults.collecting(where, place):
-            _check_arguments(edit)
+            check_arguments(edit)
             step = _performed(edit, scene, changes)
         if step is None:
             with faults.collecting(where, place):
@@ -308,21 +308,16 @@ def resolved_edits(
 
 
 def _performed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Return the result of an edit; a refusal proposes to leave out those of its vehicles that cannot be driven.
+    """Return the result of an edit; a refusal says which of its vehicles the edit does not suit.
 
     Raises:
         InvalidRequest: the edit is not valid, or the scenario does not allow it.
     """
+    apply = OPERATIONS[edit.op]
     try:
-        return OPERATIONS[edit.op](edit, scene, changes)
-    except NotPossible as refusal:
-        with suppress(InvalidRequest):
-            vehicles = select(edit.vehicles, scene, changes)
-            left_out = [key for key in vehicles if not_drivable(scene, key)]
-            if refusal.reason == NOT_DRIVABLE and 0 < len(left_out) < len(vehicles):
-                drivable = with_values(vehicles=[*edit.vehicles, *(f"!{key}" for key in left_out)])
-                refusal.remedies = (drivable, *refusal.remedies)
-        raise
+        return apply(edit, scene, changes)
+    except InvalidRequest as refusal:
+        raise of_several(refusal, edit, scene, changes, apply) from refusal
 
 
 def _other_faults(edit: Edit, scene: Scene, changes: Changes) -> Faults:
@@ -344,19 +339,6 @@ def _other_faults(edit: Edit, scene: Scene, changes: Changes) -> Faults:
         with faults.collecting(), suppress(NotPossible):
             look()
     return faults
-
-
-def _check_arguments(edit: Edit) -> None:
-    """Refuse arguments that do not belong to the operation, so that no argument is silently ignored."""
-    allowed = EDITS[edit.op].arguments
-    foreign = [name for name in edit.given if name not in allowed]
-    if foreign:
-        raise InvalidRequest(
-            f"{', '.join(foreign)} is not an argument of op {edit.op}",
-            valid=allowed,
-            next_step="remove it, or put it into a separate edit",
-            remedies=[with_values(**dict.fromkeys(foreign))],
-        )
 
 
 def _scene_after(base: Scene, changes: Changes) -> Scene:

@@ -348,7 +348,7 @@ def target_lanelets(texts: Sequence[str], scene: Scene, changes: Changes) -> fro
         UnknownName: a lanelet or edge does not exist.
     """
     if not texts:
-        raise InvalidRequest("no lanelet is given in 'to'", valid=[*scene.layout.lane_of][:12], next_step="give one")
+        raise InvalidRequest("no lanelet is given in 'to'", valid=[*scene.layout.lane_of], next_step="give one")
     return frozenset(key for text in texts for key in _resolve_lanelets(text.strip(), scene, changes))
 
 

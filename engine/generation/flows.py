@@ -101,7 +101,7 @@ def plan_flows(flows: Sequence[RoadFlow], net: SumoNet, choice: random.Random) -
     if not routes:
         raise NotPossible(
             f"no counted road carries traffic at this site: {', '.join(str(flow) for flow in flows[:5])}",
-            valid=place.names()[:12],
+            valid=place.names(),
             next_step="use roads of this site (street names or OSM way ids), or choose another place",
         )
     return FlowPlan(tuple(routes), roads)

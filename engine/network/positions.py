@@ -32,11 +32,16 @@ def station_m(text: str, lanelet_id: int, length_m: float, margin_m: float = 0.0
     if body.endswith("m") and body[:-1].strip()[-1:].isdigit():
         metres = parse_quantity(body, "m")
         if not 0.0 <= metres <= length_m:
+            where, neighbour, nearest = (
+                ("before its beginning", "before", "beginning")
+                if metres < 0.0
+                else ("beyond its end", "after", "final")
+            )
             raise InvalidRequest(
-                f"lanelet {lanelet_id} is {length_m:.1f} m long; {text} is beyond its end",
+                f"lanelet {lanelet_id} is {length_m:.1f} m long; {text} is {where}",
                 valid=[f"0m … {length_m:.1f}m", *_VALID[:-1]],
-                next_step="choose a position on it, or the lanelet after it",
-                remedies=[instead(text, word, "position") for word in ("final", "middle")],
+                next_step=f"choose a position on it, or the lanelet {neighbour} it",
+                remedies=[instead(text, word, "position") for word in (nearest, "middle")],
             )
         return _inside(metres, length_m, _INSIDE_M)
     fraction = POSITION_WORDS.get(body)
@@ -61,10 +66,12 @@ def _fraction(text: str) -> float:
             remedies=[*misspelt(text, POSITION_WORDS, "position"), instead(text, "middle", "position")],
         ) from None
     if not 0.0 <= value <= 1.0:
+        nearest = "beginning" if value < 0.0 else "final"
+        in_metres = [instead(text, f"{text}m", "position")] if value > 1.0 else []
         raise InvalidRequest(
-            f"position {text} is not a fraction of a lanelet; metres are written '{text}m'",
+            f"position {text} is not a fraction of a lanelet; metres are written '{text if in_metres else 35}m'",
             valid=_VALID,
-            next_step=f"write '{text}m' for metres along it, or a fraction from 0 to 1",
-            remedies=[instead(text, f"{text}m", "position"), instead(text, "final", "position")],
+            next_step="write metres along it with the unit, or a fraction from 0 to 1",
+            remedies=[*in_metres, instead(text, nearest, "position")],
         )
     return value

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest, instead, misspelt
+from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest, instead, misspelt_names
 from ...schemas.grammar import Assignment, parse_assignment
 from ...schemas.planning import PlannerSettings
 from ..vehicles import VEHICLES, fits_together, parameter_values
@@ -85,13 +85,7 @@ def _parse(text: str, names: Iterable[str], limits: Mapping[str, tuple[float, fl
         begins = re.match(r"\s*(\w+)", text)
         if begins is None or begins[1] not in names:
             raise
-        raise InvalidRequest(
-            refusal.message,
-            valid=_forms(begins[1], limits),
-            next_step=refusal.next_step,
-            remedies=refusal.remedies,
-            complete=True,
-        ) from refusal
+        raise refusal.with_only(_forms(begins[1], limits), complete=True) from refusal
 
 
 def _forms(name: str, limits: Mapping[str, tuple[float, float]]) -> list[str]:
@@ -133,7 +127,7 @@ def _copied(
     """Return the name of the value to copy to a name, in place of a number."""
     folded = word if word in values else word.lower()
     if folded not in values:
-        meant = [other for other in closest(word, values, 3) if other != name and misspelt(word, [other])]
+        meant = misspelt_names(word, (other for other in values if other != name))[:3]
         raise UnknownName(
             f"{name} cannot be '{word}'",
             valid=[_range_text(name, limits), *meant],

@@ -14,12 +14,12 @@ from .kinds import (
     UnsafeInput,
     WorkerFailure,
     WorkerTimeout,
-    closest,
     error_classes,
     error_to_report,
     leaves_of,
     rebuild,
 )
+from .likeness import closest, misspelt_names
 from .remedies import (
     LANELETS_LISTED,
     VEHICLES_LISTED,
@@ -62,6 +62,7 @@ __all__ = [
     "instead",
     "leaves_of",
     "misspelt",
+    "misspelt_names",
     "rebuild",
     "with_values",
 ]

@@ -22,11 +22,11 @@ import hashlib
 import sqlite3
 import traceback
 from collections.abc import Iterable, Sequence
-from itertools import islice
 from typing import Any, ClassVar, Self
 
 from ..text import one_line, uncited
-from .remedies import NextCall, Place, Remedy, assignments, instead, misspellings
+from .likeness import misspelt_names
+from .remedies import NextCall, Place, Remedy, assignments, instead, misspellings, misspelt
 
 
 class PlannerForgeError(Exception):
@@ -88,6 +88,21 @@ class PlannerForgeError(Exception):
         """Return the same refusal with further valid values at the front. Its remedies stay."""
         return self._copy(valid=[*values, *self.valid])
 
+    def with_message(self, message: str) -> Self:
+        """Return the same refusal with another message. Its remedies stay."""
+        return self._copy(message=message)
+
+    def with_only(self, values: Iterable[str], *, complete: bool) -> Self:
+        """Return the same refusal with other valid values. Its remedies stay."""
+        return self._copy(valid=values, complete=complete)
+
+    def with_words(self, word: str, words: Iterable[str]) -> Self:
+        """Return the same refusal with the words, such as ``latest``, that the given one may misspell, at the front."""
+        known = list(words)
+        refusal = self.with_valid(*misspelt_names(word, known))
+        refusal.remedies = (*misspelt(word, known), *self.remedies)
+        return refusal
+
     def preceded_by(self, text: str, place: Place = ()) -> Self:
         """Return the same refusal with a text before its message; ``place``: where its remedies then apply."""
         return self._copy(message=f"{text}{self.message}", remedies=[remedy.at(place) for remedy in self.remedies])
@@ -109,9 +124,7 @@ class PlannerForgeError(Exception):
             rest = len(self.valid) - self.shown_values
             shown = ", ".join(self.valid if rest == 1 else self.valid[: self.shown_values])
             more = 0 if rest == 1 else rest
-            is_cut = isinstance(self, UnknownName) and not self.complete and len(self.valid) == self.shown_values
-            others = " and others" if is_cut else ""  # as many as ``closest`` returns
-            parts.append(f"Valid: {shown}{f' and {more} more' if more > 0 else others}.")
+            parts.append(f"Valid: {shown}{f' and {more} more' if more > 0 else ''}.")
         return " ".join([*parts, f"Next: {self._steps(following)}."])
 
     def _steps(self, following: NextCall | None) -> str:
@@ -384,28 +397,3 @@ def rebuild(
     return error_classes().get(code, PlannerForgeError)(
         message, valid=valid, next_step=next_step, reason=reason, remedies=remedies
     )
-
-
-_ALIKE = 75.0
-"""The minimum similarity (in percent) of a word to a whole name that it may misspell (chosen, as in remedies)."""
-_COMPARED = 2000
-"""How many known words a word is compared with (chosen: at 200 characters each, this takes under 0.1 s)."""
-
-
-def closest(word: str, known: Iterable[str], limit: int = 12) -> list[str]:
-    """Return known words, the most similar to ``word`` first (case and accents ignored).
-
-    Likely misspellings of a whole name precede names that contain the word; of those, the shorter ones come first. Only
-    200 characters of each of the first 2,000 words are compared, so that no name slows down the server.
-    """
-    from rapidfuzz import fuzz, process, utils
-
-    def compared(text: str) -> str:
-        return utils.default_process(one_line(text))
-
-    choices = list(islice(known, _COMPARED))
-    scored = process.extract(word, choices, scorer=fuzz.WRatio, processor=compared, limit=limit)
-    whole = {choice: fuzz.ratio(word, choice, processor=compared) for choice, _, _ in scored}
-    alike = {choice: ratio if ratio >= _ALIKE else 0.0 for choice, ratio in whole.items()}
-    ranked = sorted(scored, key=lambda found: (-alike[found[0]], -round(found[1]), len(found[0])))
-    return [choice for choice, _, _ in ranked]

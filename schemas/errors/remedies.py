@@ -9,10 +9,10 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from difflib import SequenceMatcher
 from typing import Any
 
 from ..text import cited_parts, quoted
+from .likeness import misspelt_names
 
 SHOWN_CALL = 400
 """The maximum length of a call that a refusal writes out in full (chosen). For a longer call, it writes the changes."""
@@ -84,15 +84,6 @@ VEHICLES_LISTED = calling("describe_scenario", "scenario_id", detail="vehicles")
 LANELETS_LISTED = calling("describe_scenario", "scenario_id", detail="lanelets")
 """The description that helps to correct a refused edit."""
 
-_ALIKE, _ALIKE_IDS = 0.75, 0.9
-"""The minimum similarity (difflib's ratio) of a word to the word that it may misspell (chosen).
-
-Ids of random digits are similar by chance, so they must be almost equal."""
-_RANDOM_ID = re.compile(r"[a-z]+_[0-9a-f]{12}")
-_SHORTEST_PART = 4
-"""A word of at least this length that is part of a valid word may mean that word (chosen)."""
-
-
 _ASSIGNED = re.compile(r"([a-z]\w*)=('[^']*'|\[[^\]]*\]|[\w.:+-]+)")
 
 
@@ -114,8 +105,7 @@ def _value(text: str) -> Any:
 def misspellings(message: str, valid: Iterable[str]) -> list[Remedy]:
     """Return replacements for the words quoted in a message: the valid names that they may misspell.
 
-    Numbers are excluded, because a different number means a different thing. Text after a valid name explains it: a
-    bracket, or a range such as ``sigma from 0 to 1``.
+    Text after a valid name explains it: a bracket, or a range such as ``sigma from 0 to 1``.
     """
     names = [re.sub(r" (?:\(|from |above |below |up to |at least |at most ).*$", "", text) for text in valid]
     return [remedy for word in re.findall(r"'([^']+)'", message) for remedy in misspelt(word, names)]
@@ -123,20 +113,8 @@ def misspellings(message: str, valid: Iterable[str]) -> list[Remedy]:
 
 def misspelt(word: str, names: Iterable[str], *fields: str) -> list[Remedy]:
     """Return replacements for a word, in the given fields or in all fields: the names that it may misspell."""
-    if re.fullmatch(r"[\d.]+", word):
-        return []
-    return [
-        replace(instead(word, name, *fields), corrects_spelling=True)
-        for name in names
-        if _is_likely_misspelling(word.strip().lower(), name.lower())
-    ]
-
-
-def _is_likely_misspelling(word: str, name: str) -> bool:
-    if len(word) >= _SHORTEST_PART and word in re.split(r"[^a-z]+", name):
-        return True
-    cutoff = _ALIKE_IDS if _RANDOM_ID.fullmatch(name) else _ALIKE
-    return word != name and SequenceMatcher(None, word, name).ratio() >= cutoff
+    found = misspelt_names(word, names)
+    return [replace(instead(word, name, *fields), corrects_spelling=True) for name in found]
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,13 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from ...schemas.base import CHOICES, CLOSED_RANGES, Arguments, choices_of, model_at, problem_of
-from ...schemas.errors import Change, InvalidRequest, Remedy
+from ...schemas.errors import Change, InvalidRequest, Remedy, misspelt_names
 from ...schemas.text import LONGEST_TEXT, one_line
 from .loose_reading import read_loosely
 
@@ -25,8 +24,6 @@ _SHOWN_CHARACTERS = 60
 """Maximum characters of a given value in a refusal; chosen."""
 _SHOWN_NOTE = 400
 """Maximum characters of a corrected call, or of a note on an interpretation; chosen."""
-_ALIKE = 0.75
-"""Minimum similarity (difflib's ratio) for replacing a name by a valid one in a corrected call; chosen."""
 _CORRECTIONS = 3
 """Maximum rounds of correction until a call is valid: a name first, then what depends on it (chosen)."""
 _SHOWN_PROBLEMS = 10
@@ -246,6 +243,5 @@ def _without(model: type[BaseModel], location: tuple[int | str, ...], values: An
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:
-    """Return the single valid name with similar spelling, or an empty string."""
-    found = get_close_matches(name.lower(), list(known), n=2, cutoff=_ALIKE)
-    return found[0] if found else ""
+    """Return the valid name that a word most likely misspells, or an empty string."""
+    return next(iter(misspelt_names(name, known)), "")

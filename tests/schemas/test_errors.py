@@ -117,10 +117,11 @@ def test_closest_ignores_case_and_signs(word: str, nearest: str) -> None:
 
 
 @given(st.text(max_size=8), st.lists(st.text(max_size=5), unique=True, max_size=14))
-def test_closest_gives_known_words_only(word: str, known: list[str]) -> None:
+def test_closest_orders_all_known_words_and_adds_none(word: str, known: list[str]) -> None:
     found = closest(word, known)
     assert set(found) <= set(known)
-    assert len(found) == len(set(found)) == min(len(known), 12)
+    assert len(found) == len(set(found)) == len(known)
+    assert closest(word, known, limit=12) == found[:12]
 
 
 def test_values_from_outside_forge_no_line_and_do_not_fill_the_error() -> None:

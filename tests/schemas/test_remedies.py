@@ -12,6 +12,7 @@ from plannerforge.schemas.errors import (
     Remedy,
     UnknownName,
     calling,
+    closest,
     followed,
     instead,
     rebuild,
@@ -41,11 +42,24 @@ def test_a_misspelt_name_is_replaced_in_place() -> None:
         ("there is no vehicle '4711'", ["4712"]),
         ("there is nothing called 'run_0123456789ab'", ["run_0123456bcdef"]),
         ("there is no class 'unicorn'", ["car", "truck"]),
+        ("there is no scenario 'ZAM_Nowhere-1_1_T-1'", ["ZAM_Noproblem-1_1_T-1"]),
     ],
-    ids=["number", "random_id", "unlike"],
+    ids=["number", "random_id", "unlike", "benchmark_id"],
 )
 def test_another_thing_is_not_proposed_in_place_of_an_unknown_one(message: str, valid: list[str]) -> None:
     assert not UnknownName(message, valid=valid).remedies
+
+
+@pytest.mark.parametrize("names", [["latest", "latest_run"], ["latest_run", "latest"]])
+def test_the_most_similar_name_is_proposed_first(names: list[str]) -> None:
+    error = UnknownName("there is nothing called 'latest_rnu'", valid=names)
+    assert arguments_of(error.remedies[0], {"ids": ["latest_rnu"]}) == {"ids": ["latest_run"]}
+
+
+def test_a_refusal_of_an_unknown_name_counts_the_valid_names_that_it_leaves_out() -> None:
+    known = [f"map_{index}" for index in range(3000)]
+    error = UnknownName("there is no map 'x'", valid=closest("x", known))
+    assert f"{len(known) - error.shown_values} more" in error.text
 
 
 def test_valid_assignments_are_set_at_the_place_of_the_fault() -> None:

@@ -9,9 +9,12 @@ from support.catalog import facts
 from support.runs import record
 
 from plannerforge.engine.workspace import Recipe, Workspace
+from plannerforge.schemas.artifacts import ListArtifactsArguments
 from plannerforge.schemas.errors import InvalidRequest, UnknownName
 from plannerforge.schemas.runs import BatchRecord
 from plannerforge.schemas.scenarios import ScenarioRecord
+from plannerforge.workflows.artifacts import list_artifacts
+from plannerforge.workflows.configurations import resolve_configuration
 from plannerforge.workflows.context import Services, WorkflowContext
 from plannerforge.workflows.results import choose_results
 
@@ -67,4 +70,33 @@ def test_a_misspelt_latest_is_proposed(call: WorkflowContext) -> None:
     with pytest.raises(UnknownName) as refusal:
         call.artifact("latset", "scenario")
     assert replaced(refusal.value) == ["latest"]
+    assert refusal.value.valid[0] == "latest"
     assert call.artifact("latest_scenario", "scenario").artifact_id == SCENARIO
+
+
+@pytest.mark.parametrize("kind", ["scenario", "search", "study"])
+def test_a_misspelt_word_for_the_newest_of_a_kind_is_proposed(call: WorkflowContext, kind: Any) -> None:
+    with pytest.raises(UnknownName) as refusal:
+        call.artifact(f"latest_{kind[:-2]}{kind[-1]}{kind[-2]}", kind)
+    assert replaced(refusal.value)[0] == f"latest_{kind}"
+
+
+def test_a_misspelt_word_for_a_result_is_refused_as_a_scenario_with_its_scenario(call: WorkflowContext) -> None:
+    with pytest.raises(UnknownName) as refusal:
+        call.artifact("latest_btach", "scenario")
+    assert refusal.value.valid == (SCENARIO,)
+    assert replaced(refusal.value) == [SCENARIO]
+
+
+@pytest.mark.anyio
+async def test_artifacts_of_a_word_for_a_result_are_listed_and_its_misspelling_corrected(call: WorkflowContext) -> None:
+    with pytest.raises(UnknownName) as refusal:
+        await list_artifacts(ListArtifactsArguments(parent="latest_btach"), call)
+    assert replaced(refusal.value)[0] == "latest_batch"
+    assert not (await list_artifacts(ListArtifactsArguments(parent="latest_batch"), call)).artifacts
+
+
+def test_a_misspelt_word_for_the_current_configuration_is_proposed(call: WorkflowContext) -> None:
+    with pytest.raises(UnknownName) as refusal:
+        resolve_configuration("curent", call)
+    assert replaced(refusal.value)[0] == "current"

@@ -43,3 +43,19 @@ def test_an_argument_of_another_operation_is_refused_with_the_valid_ones(
 def test_one_refused_edit_refuses_all(apply: Apply) -> None:
     with pytest.raises(NotPossible, match=r"edit 1 \(set_goal\): lanelet 3"):
         apply({"op": "remove_vehicle", "vehicles": ["31"]}, {"op": "set_goal", "to": ["3"]})
+
+
+@pytest.mark.parametrize(
+    ("edit", "moved"),
+    [
+        ({"op": "close_lane", "at": "11"}, {"to": ["11"], "at": None}),
+        ({"op": "close_lane", "at": "vehicle:31"}, {"to": ["lanelet_of:31"], "at": None}),
+        ({"op": "stop_at", "vehicles": ["31"], "to": ["1"]}, {"at": "1", "to": None}),
+    ],
+)
+def test_a_lanelet_in_the_argument_of_another_operation_is_proposed_for_the_right_one(
+    apply: Apply, edit: dict[str, object], moved: dict[str, object]
+) -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        apply(edit)
+    assert caught.value.remedies[0].changes[0].values == moved

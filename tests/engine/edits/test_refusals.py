@@ -9,7 +9,7 @@ from support.builders import ScenarioBuilder, driving, town_road
 from support.edits import Apply
 
 import plannerforge.engine.edits as edits
-from plannerforge.schemas.errors import InvalidRequest
+from plannerforge.schemas.errors import InvalidRequest, NotPossible
 
 REFUSALS = ("InvalidRequest", "NotPossible", "UnknownName")
 ROAD = town_road()
@@ -144,3 +144,44 @@ def test_no_refusal_in_the_code_of_edits_is_without_a_next_step() -> None:
         if "next_step" not in {word.arg for word in node.keywords}
     ]
     assert not lacking
+
+
+@pytest.mark.parametrize(
+    ("edit", "left_out"),
+    [
+        ({"op": "change_lane", "vehicles": ["all"], "lane": "left"}, ["all", "!33", "!34"]),
+        ({"op": "change_lane", "vehicles": ["31", "34"], "lane": "left"}, ["31"]),
+        ({"op": "stop_at", "vehicles": ["31", "32", "35"], "at": "1", "position": "120m"}, ["31", "32"]),
+    ],
+)
+def test_vehicles_that_an_edit_does_not_suit_are_refused_together_with_the_edit_of_the_others(
+    apply: Apply, edit: dict[str, Any], left_out: list[str]
+) -> None:
+    with pytest.raises(NotPossible) as caught:
+        apply(edit, builder=ROAD, dry_run=True)
+    changed = caught.value.remedies[0].changes[0].values
+    assert changed == {"vehicles": left_out}
+    assert apply({**edit, **changed}, builder=ROAD, dry_run=True).outcome.edits
+
+
+def test_an_edit_that_suits_no_vehicle_gives_the_reason_of_each(apply: Apply) -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        apply({"op": "change_lane", "vehicles": ["31", "35"], "lane": "right"}, builder=ROAD, dry_run=True)
+    assert all(f"vehicle {key} " in caught.value.message for key in (31, 35))
+
+
+def test_a_value_that_no_vehicle_can_take_is_refused_once(apply: Apply) -> None:
+    with pytest.raises(InvalidRequest) as several:
+        apply({"op": "set_speed", "vehicles": ["31", "35"], "speed": "fast"}, builder=ROAD, dry_run=True)
+    with pytest.raises(InvalidRequest) as one:
+        apply({"op": "set_speed", "vehicles": ["31"], "speed": "fast"}, builder=ROAD, dry_run=True)
+    assert several.value.message == one.value.message
+
+
+@pytest.mark.parametrize(
+    ("position", "nearest"), [("-5m", "beginning"), ("-0.5", "beginning"), ("500m", "final"), ("1e9", "1e9m")]
+)
+def test_a_position_off_the_lanelet_leads_to_its_nearest_end(apply: Apply, position: str, nearest: str) -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        apply(CAR | {"at": "1", "position": position}, builder=ROAD, dry_run=True)
+    assert next(iter(caught.value.remedies[0].changes[0].words.values())) == nearest
