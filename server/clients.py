@@ -1,8 +1,8 @@
 """Identifies the clients of a shared server: their permissions, and what each made last.
 
 Over standard input, a server has one client. Over HTTP, it has many. In protocol revisions with sessions, a session
-identifies each client. Since 2026-07-28 there are no sessions, and a client is identified by its token and the name
-that it gives itself.
+identifies each client. Since 2026-07-28 there are no sessions, and a client is identified by its token (without tokens
+by its address) and the name that it gives itself.
 """
 
 import threading
@@ -54,7 +54,8 @@ def client_of(context: ServerRequestContext[Any]) -> ClientIdentity:
     principal = principal_of(request.scope)
     name = f"{own_name} ({principal})" if principal else own_name
     session = request.headers.get(MCP_SESSION_ID_HEADER)
-    key = f"{principal} session {session}" if session else f"{principal} named {own_name}"
+    whose = principal or (f"at {request.client.host}" if request.client else "")
+    key = f"{principal} session {session}" if session else f"{whose} named {own_name}"
     return ClientIdentity(key, name, reads_only=not may_write(request.scope), owner=principal)
 
 

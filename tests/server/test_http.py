@@ -200,6 +200,24 @@ async def test_each_client_has_its_own_latest(serve: Serve, era: str) -> None:
     assert (other or {})["job_id"] == theirs["said"]["text"]
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has several loopback addresses")
+async def test_clients_without_tokens_and_with_one_name_are_told_apart_by_their_address(serve: Serve, era: str) -> None:
+    async with (
+        serve() as server,
+        server.client(era, source="127.0.0.1") as one,
+        server.client(era, source="127.0.0.2") as two,
+    ):
+        first, second = [
+            (await client.call_tool("make_long", {"text": text})).structured_content["note"]  # type: ignore[index]
+            for client, text in ((one, "one"), (two, "two"))
+        ]
+        latest = [
+            (await client.call_tool("cancel_job", {"job_id": "latest"})).structured_content["job_id"]  # type: ignore[index]
+            for client in (one, two)
+        ]
+    assert latest == [first, second]
+
+
 async def test_journal_names_the_client_and_its_token(serve: Serve, era: str, settings: Settings) -> None:
     async with serve(http_tokens=TOKENS) as server, server.client(era, READER) as client:
         await client.call_tool("list_artifacts", {})

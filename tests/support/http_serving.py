@@ -36,10 +36,11 @@ class Served:
         return f"{self.address}/mcp"
 
     @asynccontextmanager
-    async def client(self, mode: str, token: str = "", **options: object) -> AsyncIterator[Client]:
-        """Return a client of the protocol."""
+    async def client(self, mode: str, token: str = "", source: str = "", **options: object) -> AsyncIterator[Client]:
+        """Return a client of the protocol; ``source`` is its own address."""
         headers = {"Authorization": f"Bearer {token}"} if token else {}
-        async with httpx2.AsyncClient(headers=headers, timeout=httpx2.Timeout(PATIENCE_S)) as http:
+        sender = httpx2.AsyncHTTPTransport(local_address=source or None)
+        async with httpx2.AsyncClient(headers=headers, timeout=httpx2.Timeout(PATIENCE_S), transport=sender) as http:
             transport = streamable_http_client(self.url, http_client=http)
             async with Client(transport, mode=mode, **options) as client:  # type: ignore[arg-type]
                 yield client
