@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import Field
 
 from .base import Model
-from .errors import InvalidRequest, UnknownName, closest, instead
+from .errors import Faults, InvalidRequest, UnknownName, closest, instead, misspelt, misspelt_names, with_values
 from .grammar import parse_assignment
 
 LARGEST_RANGE_M = 80.0
@@ -259,13 +259,13 @@ def world_of(texts: Sequence[str] | str | World) -> World:
 
     Raises:
         UnknownName: no preset or field has this name.
-        InvalidRequest: a value is outside its range.
+        InvalidRequest: a value is outside its range. All faults are reported together, with the world that is left.
     """
     if isinstance(texts, World):
         return texts
     presets = [preset.world for _, preset in _presets_in(texts)]
     values: dict[str, Any] = {name: _worst(name, presets) for name in World.model_fields if presets}
-    values |= [_assigned(text) for text in _items(texts) if text.lower() not in PRESETS]
+    values |= _assignments(texts)
     world = World(**values)
     if world.actuator_s > 0 and not world.moves_by_model:
         models = [name for name in get_args(Dynamics) if name != "exact"]
@@ -309,15 +309,37 @@ def _items(texts: Sequence[str] | str) -> Iterable[str]:
     return (item.strip() for text in given for item in text.split(",") if item.strip())
 
 
+def _assignments(texts: Sequence[str] | str) -> dict[str, float | str]:
+    """Return the fields that an argument assigns.
+
+    Raises:
+        InvalidRequest: items are wrong; the remedy corrects them, or leaves out those without a correction.
+    """
+    faults, values, left = Faults(), dict[str, float | str](), list[str]()
+    for text in _items(texts):
+        if text.lower() in PRESETS:
+            left.append(text)
+            continue
+        try:
+            name, values[name] = _assigned(text)
+            left.append(text)
+        except InvalidRequest as fault:
+            changes = [change for remedy in fault.remedies[:1] for change in remedy.changes]
+            left += [change.words[text] for change in changes if text in change.words]
+            with faults.collecting():
+                raise
+    try:
+        faults.raise_all()
+    except InvalidRequest as refusal:
+        refusal.remedies = (with_values(world=",".join(dict.fromkeys(left)) or None),)
+        raise
+    return values
+
+
 def _assigned(text: str) -> tuple[str, float | str]:
     """Return a field and its value from text such as ``missed=0.1``."""
     if "=" not in text:
-        names = [*PRESETS, *(f"{name}=…" for name in World.model_fields)]
-        raise UnknownName(
-            f"there is no world '{text}'",
-            valid=closest(text, PRESETS) or list(PRESETS),
-            remedies=[instead(text, name) for name in closest(text, names) if name in PRESETS],
-        )
+        raise UnknownName(f"there is no world '{text}'", valid=closest(text, PRESETS), remedies=misspelt(text, PRESETS))
     change = parse_assignment(text)
     if change.name not in World.model_fields:
         near = closest(change.name, World.model_fields) or list(World.model_fields)
@@ -329,9 +351,11 @@ def _assigned(text: str) -> tuple[str, float | str]:
         )
     if change.name == "ego":
         if change.operator != "=" or change.copied_from not in get_args(Dynamics):
-            named = closest(change.copied_from or "", get_args(Dynamics)) or get_args(Dynamics)
+            meant = misspelt_names(change.copied_from or "", get_args(Dynamics))
             raise InvalidRequest(
-                f"'{text}' is not a way in which the ego moves", valid=[f"ego={name}" for name in named]
+                f"'{text}' is not a way in which the ego moves",
+                valid=[f"ego={name}" for name in closest(change.copied_from or "", get_args(Dynamics))],
+                remedies=[instead(text, f"ego={name}") for name in meant],
             )
         return change.name, str(change.copied_from)
     low, high = bounds_of(change.name)

@@ -33,6 +33,8 @@ class ToolSpec:
         open_world: may use online services.
         trial: arguments that make a call a dry run, so that a refusal can test its suggestion; empty if no call creates
             anything, None if there is no dry run.
+        check: function of the module that refuses a call as the tool would, but creates nothing; the trial of a tool
+            without a dry run. If there is no time for it, a suggestion is made untested.
         view: page that shows its answers, in hosts that show pages.
         looks: calls that list valid values; a refusal suggests the first that the client may make, if it has no better
             remedy.
@@ -51,6 +53,7 @@ class ToolSpec:
     refused: tuple[str, ...] = ()
     open_world: bool = False
     trial: tuple[tuple[str, object], ...] | None = None
+    check: str = ""
     view: Literal["player", "board"] | None = None
     looks: tuple[Remedy, ...] = field(default=(), hash=False)
     proposed: bool = True
@@ -73,8 +76,15 @@ class ToolSpec:
 
     def load_function(self) -> Callable[[Arguments, Any], Awaitable[Any]]:
         """Import the function and return it."""
+        return self._loaded(self.name)
+
+    def load_check(self) -> Callable[[Arguments, Any], Awaitable[Any]] | None:
+        """Import the function that checks a call and return it; None if there is none."""
+        return self._loaded(self.check) if self.check else None
+
+    def _loaded(self, name: str) -> Callable[[Arguments, Any], Awaitable[Any]]:
         module = importlib.import_module(f"plannerforge.tools.{self.module}")
-        function: Callable[[Arguments, Any], Awaitable[Any]] = getattr(module, self.name)
+        function: Callable[[Arguments, Any], Awaitable[Any]] = getattr(module, name)
         return function
 
 
@@ -98,6 +108,7 @@ TOOLS: tuple[ToolSpec, ...] = (
         "scenarios",
         seldom=("conditions", "cover", "source", "criticality"),
         open_world=True,
+        check="check_generation",
         view="player",
         looks=(calling("describe_catalog", facet="maps"),),
     ),

@@ -35,6 +35,11 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
     return result
 
 
+async def check_generation(arguments: GenerateScenariosArguments, call: ToolCall) -> None:
+    """Refuse a call of ``generate_scenarios`` that could make no scenario, without making one."""
+    await generate.check_generation(arguments, call)
+
+
 async def describe_scenario(arguments: DescribeScenarioArguments, call: ToolCall) -> DescribeScenarioResult:
     """Describe a scenario in words and ids."""
     result = await scenarios.describe_scenario(arguments, call)

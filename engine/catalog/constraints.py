@@ -17,7 +17,7 @@ from ...schemas.errors import Faults, InvalidRequest, UnknownName, calling, clos
 from ...schemas.grammar import Condition, Interval, as_exclusion, parse_condition, parse_interval, scope_first
 from ...schemas.text import one_line, quoted
 from ...schemas.vocabulary import CIRCUMSTANCES, FEATURES, MANOEUVRES, MEASURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS
-from ..maps import countries_spelt_like, country_code, names_elsewhere, place_keys, settlements_called
+from ..maps import countries_spelt_like, country_code, country_name, names_elsewhere, place_keys, settlements_called
 from ..vehicles import vehicle_class_of
 from .bm25 import words_of
 from .entry_sets import column_of
@@ -461,14 +461,17 @@ def _alternatives_of(text: str) -> tuple[bool, list[str]]:
 def _country_code(connection: sqlite3.Connection, country: str) -> str:
     code = country_code(country)
     if code is None:
-        near = closest(country, known_places(connection).countries)
+        known = known_places(connection).countries
+        near, alike = closest(country, known), countries_spelt_like(country)
+        there = [one for one in alike if one in known]
+        elsewhere = f"; no scenario is in {country_name(alike[0])} either" if alike and not there else ""
         raise UnknownName(
-            f"'{country}' is not a known country",
-            valid=near,
+            f"'{country}' is not a known country{elsewhere}",
+            valid=dict.fromkeys([*there, *near]),
             next_step="give the ISO 3166-1 alpha-3 code, or ZAM for artificial networks",
             remedies=[
-                *misspelt(country, near),
-                *(instead(country, code, "country") for code in countries_spelt_like(country)),
+                *(instead(country, one, "country") for one in there),
+                *misspelt(country, near, "country"),
                 calling("describe_catalog", facet="places"),
             ],
         )

@@ -62,7 +62,7 @@ async def proposed_call(
         with anyio.move_on_after(TRYING_S) as trial:
             mended = await correction.first_that_works(error)
         if trial.cancelled_caught:
-            mended = correction.respelt
+            mended = correction.respelt or correction.untested
     if mended is not None:
         return NextCall.again(spec.name, read, mended)
     return _look_up(error, spec, read, call, tools)
@@ -72,7 +72,8 @@ async def proposed_call(
 class _Correction:
     """The search for a corrected call: corrects faults in sequence, and tries calls if possible.
 
-    ``respelt``: the first valid call that only corrects names, for the case that there is no time to try it.
+    ``respelt`` and ``untested``: the first valid call that only corrects names, and the first valid call of a tool
+    without a dry run, for the case that there is no time to try it.
     """
 
     spec: ToolSpec
@@ -80,6 +81,7 @@ class _Correction:
     call: ToolCall
     seen: list[Mapping[str, Any]] = field(default_factory=list)
     respelt: dict[str, Any] | None = None
+    untested: dict[str, Any] | None = None
 
     async def first_that_works(self, error: PlannerForgeError) -> dict[str, Any] | None:
         """Return the arguments of the first corrected call that works, or that is valid if it cannot be tried."""
@@ -100,6 +102,8 @@ class _Correction:
                 arguments = read_arguments(self.spec.arguments_type, following.arguments)
                 if remedy.corrects_spelling and depth == 0 and self.respelt is None:
                     self.respelt = _written(arguments)
+                if self.spec.trial is None and self.untested is None:
+                    self.untested = _written(arguments)
                 await self._try(arguments)
             except InvalidRequest as other:
                 deeper = await self._mended(other, following.arguments, depth + 1)
@@ -117,11 +121,14 @@ class _Correction:
         Raises:
             PlannerForgeError: it is refused, or fails.
         """
-        if self.spec.trial is None or any(getattr(arguments, name) for name in self.spec.making):
+        check = self.spec.load_check()
+        if self.spec.trial is not None:
+            check, arguments = self.spec.load_function(), arguments.model_copy(update=dict(self.spec.trial))
+        if check is None or any(getattr(arguments, name) for name in self.spec.making):
             return
         await anyio.lowlevel.checkpoint()
         try:
-            await self.spec.load_function()(arguments.model_copy(update=dict(self.spec.trial)), self.call.trial())
+            await check(arguments, self.call.trial())
         except Exception as raised:
             failure = error_to_report(raised, self.spec.name)
             if isinstance(failure, UnexpectedFailure):

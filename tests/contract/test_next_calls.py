@@ -245,7 +245,6 @@ async def test_a_trial_does_not_move_latest(client: Client) -> None:
 @pytest.mark.parametrize(
     ("tool", "arguments", "expected"),
     [
-        ("find_scenarios", {"country": "Germny"}, {"country": "DEU"}),
         ("find_scenarios", {"ego_speed": "fast", "tags": ["urban"]}, {"tags": ["urban"]}),
         ("find_scenarios", {"obstacles": ["car=many"]}, {"obstacles": ["car"]}),
         ("find_scenarios", {"within": "search_0123456789ab", "tags": ["urban"]}, {"tags": ["urban"]}),
@@ -259,3 +258,25 @@ async def test_computable_values_are_corrected(
 ) -> None:
     _, call = await refused(client, tool, arguments)
     assert call == {"tool": tool, "arguments": expected}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "proposed"),
+    [
+        (
+            {"place": "Musterstadt", "scenario_type": "roundabout", "vehicles": ["unicorn=1"]},
+            {"place": "Musterstadt", "scenario_type": "signalised_intersection"},
+        ),
+        ({"place": "Musterstadt", "count": 100_000}, {"place": "Musterstadt", "count": 50}),
+        ({"place": "Musterstat", "scenario_type": "roundabaout"}, None),
+    ],
+    ids=["type", "count", "place_without_the_type"],
+)
+async def test_a_call_that_generates_is_proposed_only_if_the_maps_allow_it(
+    client: Client, arguments: dict[str, Any], proposed: dict[str, Any] | None
+) -> None:
+    _, call = await refused(client, "generate_scenarios", arguments)
+    if proposed is not None:
+        assert call == {"tool": "generate_scenarios", "arguments": proposed}
+    else:
+        assert call is None or call["arguments"].get("scenario_type") != "roundabout"

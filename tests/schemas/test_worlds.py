@@ -65,6 +65,25 @@ def test_an_unknown_world_is_refused_with_what_is_valid(text: str, error: type[I
     assert valid in refused.value.valid
 
 
+@pytest.mark.parametrize(
+    ("text", "left"),
+    [
+        ("lidar, radar, range_m=5000, night_vision", "lidar,range_m=80"),
+        ("fogg, missed=2", "fog,missed=1"),
+        ("camera, ego=kinematik", "camera,ego=kinematic"),
+        ("ego=hovercraft, fog", "fog"),
+        ("radar", None),
+    ],
+)
+def test_all_faults_of_a_world_are_refused_together_with_the_world_that_is_left(text: str, left: str | None) -> None:
+    with pytest.raises(InvalidRequest) as refused:
+        world_of(text)
+    (remedy,) = refused.value.remedies
+    assert remedy.changes[0].values == {"world": left}
+    if left is not None:
+        assert not world_of(left).is_perfect
+
+
 def test_every_imperfection_alone_makes_a_world_imperfect() -> None:
     qualifiers = {"correlation_s", "missed_s", "ghosts_s", "localisation_s", "kept_s", "actuator_s", "seed"}
     assert not World(ego="kinematic").is_perfect

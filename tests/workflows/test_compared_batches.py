@@ -157,3 +157,17 @@ async def test_a_batch_without_runs_is_refused_by_name(connect: Connect, setting
             assert isinstance(text, str)
             assert text.startswith("[invalid_request]")
             assert empty in text
+
+
+async def test_a_result_is_not_compared_with_itself(connect: Connect, settings: Settings) -> None:
+    async with connect() as client:
+        workspace = await _workspace(client, settings)
+        several = _store(workspace, "a", _runs("a", DEFAULT), _runs("a", SAFE))
+        alone = _store(workspace, "b", _runs("b", SAFE))
+        refused = await client.call_tool("compare_results", {"results": [several, several]})
+        without = await client.call_tool("compare_results", {"results": [alone, "latest_batch"]})
+        workspace.close()
+    assert refused.is_error
+    assert (refused.meta or {})["plannerforge/next_call"]["arguments"] == {"results": [several]}
+    assert without.is_error
+    assert alone in without.content[0].text  # type: ignore[union-attr]

@@ -18,6 +18,8 @@ async def compare_results(arguments: CompareResultsArguments, context: WorkflowC
     words, notes = _words_of(arguments, context)
     chosen, runs = chosen_runs(words, context)
     if len(chosen) < len(words):
+        if len(chosen) == 1:
+            raise _same_result(chosen[0], runs).also(*_other_sides(chosen, runs, context))
         ids = " and ".join(result.result_id for result in chosen)
         notes = (*notes, f"{counted(len(words), 'result')} given, but only {ids} among them; each counts once")
     try:
@@ -62,6 +64,18 @@ def _words_of(arguments: CompareResultsArguments, context: WorkflowContext) -> t
             next_step="give both, the baseline first",
         )
     return [newest], (f"without results, the configurations of {newest}, the newest batch, are compared",)
+
+
+def _same_result(chosen: ChosenResult, runs: Sequence[RunSource]) -> InvalidRequest:
+    """Return the refusal to compare a run or batch with itself; a batch may have configurations to compare."""
+    has_sides = len({run.record.config_id for run in runs}) > 1
+    apart = f"give {chosen.result_id} once to compare its configurations with each other, or another"
+    return InvalidRequest(
+        f"{chosen.result_id} is compared with itself",
+        valid=["two runs", "two batches", "one batch with several configurations"],
+        next_step=f"{apart if has_sides else 'give a second'} run or batch",
+        remedies=[with_values(results=[chosen.result_id])] if has_sides else [],
+    )
 
 
 _OTHERS_LOOKED_AT, _OTHERS_PROPOSED = 20, 3

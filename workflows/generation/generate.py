@@ -2,7 +2,7 @@
 
 from ...engine.catalog import open_catalogue
 from ...engine.maps import MapMatch
-from ...schemas.errors import InvalidRequest, NotPossible, ServiceFailure, UnknownName, WorkerFailure
+from ...schemas.errors import InvalidRequest, NotPossible, ServiceFailure, UnknownName, WorkerFailure, with_values
 from ...schemas.generation import GenerateScenariosArguments, GenerateScenariosResult, GenerationSpec, ScenarioSummary
 from ...schemas.text import counted
 from ..context import WorkflowContext
@@ -14,6 +14,7 @@ from .map_choice import (
     AssignedSite,
     SiteAssignment,
     assign_sites,
+    check_site,
     maps_for,
     request_for,
     widen_empty,
@@ -50,12 +51,7 @@ async def generate_scenarios(
     spec, messages = choice.spec, (*choice.notes, *at_hand.notes)
     if arguments.cover:
         return await cover_combinations(arguments, spec, context, choice.entries, messages)
-    if spec.count > MOST_SINGLY:
-        raise InvalidRequest(
-            f"count {spec.count:,} is more than a call without a plan allows",
-            valid=[f"1 to {MOST_SINGLY}; to 5,000 with cover"],
-            next_step="use cover to say what to vary, such as ['density=low|high', 'turn=left|right|straight']",
-        )
+    _check_count(spec)
     spec.check_turn()
     try:
         plan = await widen_empty(spec, context, await maps_for(spec, context, choice.entries))
@@ -73,6 +69,33 @@ async def generate_scenarios(
     used = {summary.map_id for summary in made}
     attributions = sorted({m.entry.facts.attribution for m in plan.matches if m.entry.facts.map_id in used})
     return GenerateScenariosResult(scenarios=made, notes=notes, attribution=attributions)
+
+
+async def check_generation(arguments: GenerateScenariosArguments, context: WorkflowContext) -> None:
+    """Refuse a call that could make no scenario, as far as the maps at hand show: nothing is made or downloaded.
+
+    Raises:
+        InvalidRequest: as for :func:`generate_scenarios`.
+    """
+    if arguments.place and context.workspace.find("scenario", arguments.place) is not None:
+        return
+    conditions = with_tables_read(arguments.conditions, context) if arguments.conditions else arguments.conditions
+    spec = read_specification(arguments.model_copy(update={"conditions": conditions}))
+    if arguments.cover:
+        return
+    _check_count(spec)
+    spec.check_turn()
+    await check_site(spec, context, (await maps_at_hand(context)).entries)
+
+
+def _check_count(spec: GenerationSpec) -> None:
+    if spec.count > MOST_SINGLY:
+        raise InvalidRequest(
+            f"count {spec.count:,} is more than a call without a plan allows",
+            valid=[f"1 to {MOST_SINGLY}; to 5,000 with cover"],
+            next_step="use cover to say what to vary, such as ['density=low|high', 'turn=left|right|straight']",
+            remedies=[with_values(count=MOST_SINGLY)],
+        )
 
 
 async def _make_all(

@@ -212,6 +212,24 @@ async def _is_available(
     return await _has_site(other, context, match)
 
 
+async def check_site(spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry]) -> None:
+    """Refuse a call if the local maps show that it has no site; a place that may be downloaded or cut out passes.
+
+    Raises:
+        UnknownName: no map contains the place, and it cannot be downloaded.
+        NotPossible: the maps have no site of the requested type.
+    """
+    if spec.source == "online" or any(entry.facts.extract is not None for entry in entries):
+        return
+    try:
+        matches = plan_maps(spec, entries).matches
+    except UnknownName as refusal:
+        if refusal.reason == NOT_SHOWN and context.services.online.mode != "offline" and spec.source != "local":
+            return
+        raise
+    await context.run(COUNT_SITES, request_for(spec, AssignedSite(matches[0]), 0), share=(0.0, 0.0))
+
+
 async def _has_site(spec: GenerationSpec, context: WorkflowContext, match: MapMatch) -> bool:
     try:
         await context.run(COUNT_SITES, request_for(spec, AssignedSite(match), 0), share=(0.0, 0.0))

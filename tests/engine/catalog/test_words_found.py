@@ -154,3 +154,16 @@ def test_a_misspelt_city_is_refused_with_the_name_that_it_misspells(three: sqlit
     assert refusal.value.valid[0] == "Vigo"
     assert refusal.value.remedies
     assert answer(three, city="Madrid").total == 0, "a known settlement without scenarios is not misspelt"
+
+
+@pytest.mark.parametrize(
+    ("country", "proposed"), [("Germny", ["DEU"]), ("Spian", ["ESP"]), ("Frnace", []), ("Atlantis", [])]
+)
+def test_a_misspelt_country_is_corrected_only_to_one_that_the_catalogue_has(
+    three: sqlite3.Connection, country: str, proposed: list[str]
+) -> None:
+    with pytest.raises(UnknownName) as refused:
+        answer(three, country=country)
+    words = [word for remedy in refused.value.remedies for change in remedy.changes for word in change.words.values()]
+    assert words == proposed
+    assert set(refused.value.valid) == {"DEU", "ESP", "ZAM"}
