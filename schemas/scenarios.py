@@ -145,6 +145,9 @@ class ScenarioFacts(Model):
     circumstances: tuple[str, ...] = Field(
         (), exclude_if=lambda words: not words, description="weather and time of day, in terms of the vocabulary"
     )
+    faults: tuple[str, ...] = Field(
+        (), exclude_if=lambda faults: not faults, description="faults of an imported file; not examined for other files"
+    )
 
     @property
     def ego(self) -> EgoFacts | None:
@@ -210,13 +213,15 @@ class OpenLabelTags(Model):
 class ReadFactsRequest(Model):
     """The file to read facts from, an accompanying SUMO network if it is imported too, and their maximum size.
 
-    ``keep`` caches the parsed file on disk for later calls. Few files of a large import are used again.
+    ``keep`` caches the parsed file on disk for later calls. Few files of a large import are used again. ``checks``:
+    whether the facts state the file's faults.
     """
 
     path: Path
     net: Path | None = None
     file_bytes: int = 100_000_000
     keep: bool = True
+    checks: bool = False
 
 
 Detail = Literal["brief", "vehicles", "motion", "lanelets", "checks", "recipe"]

@@ -158,7 +158,7 @@ async def _read(
 
 async def _facts(context: WorkflowContext, path: Path, net: Path | None) -> ScenarioFacts:
     """Return the facts of a file. If a worker dies, a second one tries again, because the file may not be the cause."""
-    request = ReadFactsRequest(path=path, net=net, file_bytes=context.limits.file_bytes, keep=False)
+    request = ReadFactsRequest(path=path, net=net, file_bytes=context.limits.file_bytes, keep=False, checks=True)
     try:
         return await context.services.workers.run(READ_FACTS, request)
     except WorkerTimeout:

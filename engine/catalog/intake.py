@@ -255,7 +255,10 @@ def _artifact(file: ReadFile, record: ScenarioRecord, files: dict[str, Path]) ->
 
 
 def _item(file: ReadFile, artifact: Artifact, *, reused: bool = False, note: str = "") -> ImportedItem:
-    text = summary(artifact.read(ScenarioRecord).facts)
+    facts = artifact.read(ScenarioRecord).facts
+    text = summary(facts)
+    if facts.faults:
+        text = f"{text}; {'; '.join(facts.faults)} (describe_scenario detail=checks)"
     if not follows_naming(artifact.artifact_id):
         text = f"{text}; its id does not follow CommonRoad's naming (COUNTRY_Place-1_1_T-1) and is kept unchanged"
     return ImportedItem(

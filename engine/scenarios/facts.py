@@ -15,7 +15,7 @@ import numpy as np
 
 from ...schemas.errors import UnsafeInput
 from ...schemas.scenarios import EgoFacts, LocationFacts, ParticipantFacts, ReadFactsRequest, RoadFacts, ScenarioFacts
-from ...schemas.text import cited, one_line, shown_name
+from ...schemas.text import cited, counted, enumerated, one_line, shown_name
 from ...schemas.vocabulary import CIRCUMSTANCES, GoalForm
 from ..commonroad import (
     LoadedScenario,
@@ -30,12 +30,13 @@ from ..commonroad import (
     middle_of,
     parse_benchmark_id,
     scan_xml,
+    schema_errors,
     sign_keys,
     signs_of,
     static_tracks,
 )
 from ..execution import ProgressReporter
-from ..geometry import arc_length, project
+from ..geometry import arc_length, oriented_rectangle, project, rectangles_overlap
 from ..network import LaneletGraph, read_net
 from ..scene import EgoRoute, ego_route, lanelets_of_pose, path_ahead
 from ..traffic import words_of_hour
@@ -60,7 +61,31 @@ def read_facts(request: ReadFactsRequest, report: ProgressReporter) -> ScenarioF
         _check_net(request.net, request.file_bytes)
     recorded = kept_recording(request.path, request.file_bytes, keep=request.keep)
     report(0.6, "analysing the geometry")
-    return _facts_of(recorded)
+    facts = _facts_of(recorded)
+    return facts.model_copy(update={"faults": _faults(recorded, facts)}) if request.checks else facts
+
+
+def _faults(read: RecordedScenario, facts: ScenarioFacts) -> tuple[str, ...]:
+    """Return a phrase for each fault that makes runs invalid or that other tools may refuse."""
+    scenario, found = read.loaded.scenario, list[str]()
+    bodies = {**read.tracks, **static_tracks(scenario, last_recorded_step(scenario))}
+    problems = read.loaded.planning_problems.planning_problem_dict
+    for ego in facts.egos:
+        start_step = int(problems[ego.problem_id].initial_state.time_step)
+        size_m = ego_class(ego.vehicle_class).vehicle.size_m
+        own = oriented_rectangle(np.array([ego.x_m, ego.y_m]), ego.heading_rad, size_m)
+        present = ((key, body, body.index_at(start_step)) for key, body in sorted(bodies.items()))
+        hit = [key for key, body, at in present if at is not None and rectangles_overlap(own, body.corners_at(at))]
+        if hit:
+            which = f" of problem {ego.problem_id}" if len(facts.egos) > 1 else ""
+            named = [*map(str, hit[:_MOST_HIT]), *([f"{len(hit) - _MOST_HIT} more"] if len(hit) > _MOST_HIT else [])]
+            found.append(f"the ego{which} overlaps road user {enumerated(named)} at its start, so its runs are invalid")
+    violations = schema_errors(read.loaded.path)
+    return (*found, *([f"{counted(len(violations), 'violation')} of CommonRoad's XML schema"] if violations else []))
+
+
+_MOST_HIT = 4
+"""How many road users that overlap the ego a fault names (chosen)."""
 
 
 def _check_net(path: Path, file_bytes: int) -> None:

@@ -142,3 +142,20 @@ def test_weather_and_time_come_from_the_environment_of_a_file(
     )
     path.write_text(path.read_text().replace("</location>", environment, 1))
     assert read_facts(ReadFactsRequest(path=path), silent).circumstances == expected
+
+
+def test_an_imported_file_states_who_overlaps_the_ego_and_that_it_violates_the_schema(tmp_path: Path) -> None:
+    on_the_ego = replace(PARKED, poses=((41.0, 0.0, 0.0, 0.0),))
+    path = replace(town_road(), parked=(on_the_ego,)).write(tmp_path / "scenario.xml")
+    (overlap,) = read_facts(ReadFactsRequest(path=path, checks=True), silent).faults
+    assert "50" in overlap
+    assert not read_facts(ReadFactsRequest(path=path), silent).faults
+    path.write_text(
+        path.read_text(encoding="utf-8").replace("</commonRoad>", "<colours/></commonRoad>"), encoding="utf-8"
+    )
+    assert len(read_facts(ReadFactsRequest(path=path, checks=True), silent).faults) == 2
+
+
+def test_a_sound_file_states_no_fault(tmp_path: Path) -> None:
+    path = town_road().write(tmp_path / "scenario.xml")
+    assert read_facts(ReadFactsRequest(path=path, checks=True), silent).faults == ()
