@@ -35,6 +35,7 @@ from .naming.gazetteer import Settlement, settlements_called
 from .naming.places import countries_spelt_like, country_code, fold, latin, place_keys
 from .naming.regions import region_of
 from .naming.spellings import (
+    HYPHENS,
     MOST_KEPT,
     adds_number,
     distinctive,
@@ -152,7 +153,7 @@ _POSTCODE = re.compile(
 )
 """A postcode before or after a town: one or two groups of Latin letters and digits (``10115``, ``W1F 9QP``)."""
 _DISTRICT_NUMBER = re.compile(r"\s+(?:\d{1,2}(?:e|er|[°º.])?|[ivx]+)$", re.IGNORECASE)
-_HYPHENS = re.compile(r"[-‐‑–]")
+_HYPHEN = re.compile(f"[{HYPHENS}]")
 _CROSSING_SIGNS = re.compile(r"[/&+×@]")
 """Signs between the roads of a crossing. A text with one names two roads, so no single name can be like all of it."""
 _WORDS_BEFORE, _WORDS_AFTER = 3, 2
@@ -1089,7 +1090,7 @@ def _read_place(part: str, facts: MapFacts) -> _Reading | None:
 
 def _read_town_and_district(part: str, facts: MapFacts) -> _Reading | None:
     """Read the text as a town and its district with a hyphen between them (``Düsseldorf-Derendorf``)."""
-    for hyphen in _HYPHENS.finditer(part):
+    for hyphen in _HYPHEN.finditer(part):
         town, district = part[: hyphen.start()], part[hyphen.end() :]
         if place_keys(facts.place).isdisjoint(place_keys(town)):
             continue

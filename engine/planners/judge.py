@@ -91,7 +91,7 @@ class Judge:
         return self._collision(ego) or self._off_road(ego) or self._at_goal(ego) or self._out_of_time(ego)
 
     def _collision(self, ego: EgoState) -> Verdict | None:
-        hit = self._traffic.hit_by(ego, self._vehicle)
+        hit = next(iter(self._traffic.hits(ego, self._vehicle)), None)
         if hit is None:
             return None
         time_s = self._since_start_s(ego.step)

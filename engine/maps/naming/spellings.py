@@ -180,7 +180,8 @@ _LETTERED = {
     "kreisstr": "k",
 }
 """OSM's ``ref`` letters for a class of roads, by the words that people use for them."""
-_HYPHENS = "-\u2010\u2011\u2013\u05be"
+HYPHENS = "-\u2010\u2011\u2013\u05be"
+"""Signs between the parts of a name: hyphens, the en dash, and the Hebrew maqaf."""
 _JOINED_NUMBER = re.compile(r"^([^\W\d_]{2,3})(\d+)$")
 _ELIDED = re.compile(r"\b(?:d|l|s|dell|dall|all|nell|sull)['’](?=\w)", re.IGNORECASE)
 """Articles and prepositions before a vowel, in Catalan, French and Italian: ``Port d'Envalira``. They are libpostal's
@@ -461,10 +462,10 @@ def proclitics_of(word: str) -> tuple[tuple[str, str], ...]:
     rest = word
     for _ in range(_MOST_PROCLITICS):
         short = _PROCLITICS.match(rest)
-        rest = "" if short is None else rest[short.end() :].lstrip(_HYPHENS)
+        rest = "" if short is None else rest[short.end() :].lstrip(HYPHENS)
         if sum(map(str.isalnum, rest)) < _SHORTEST_AFTER:
             break
-        found.append((word[: len(word) - len(rest)].rstrip(_HYPHENS), rest))
+        found.append((word[: len(word) - len(rest)].rstrip(HYPHENS), rest))
     return tuple(found)
 
 

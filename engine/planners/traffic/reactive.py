@@ -171,10 +171,6 @@ class _ReactiveTraffic:
         tracks = [*self._roles.replayed.moving, *driven]
         self.moving = tuple(sorted(tracks, key=lambda track: track.obstacle_id))
 
-    def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
-        """Return id and type of the lowest-id obstacle that overlaps the ego's rectangle at the ego's step, or None."""
-        return next(iter(self.hits(ego, vehicle)), None)
-
     def hits(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[tuple[int, str], ...]:
         """Return id and type of all obstacles that overlap the ego's rectangle at the ego's step, by ascending id."""
         return _all_hits(self._roles.replayed.hits(ego, vehicle), self.driven, ego, vehicle)
@@ -337,10 +333,6 @@ class _ScriptedTraffic:
         for actor in self._scripted.values():
             actor.advance(ego)
         self.moving = tuple(sorted([*self._replayed.moving, *self.driven], key=lambda track: track.obstacle_id))
-
-    def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
-        """Return id and type of the lowest-id obstacle that overlaps the ego's rectangle at the ego's step, or None."""
-        return next(iter(self.hits(ego, vehicle)), None)
 
     def hits(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[tuple[int, str], ...]:
         """Return id and type of all obstacles that overlap the ego's rectangle at the ego's step, by ascending id."""

@@ -53,9 +53,6 @@ class Traffic(Protocol):
         that step.
         """
 
-    def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
-        """Return id and type of the lowest-id obstacle that overlaps the ego's rectangle at the ego's step, or None."""
-
     def hits(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[tuple[int, str], ...]:
         """Return id and type of all obstacles that overlap the ego's rectangle at the ego's step, by ascending id."""
 
@@ -103,10 +100,6 @@ class RecordedTraffic:
 
     def advance(self, ego: EgoState) -> None:
         """Do nothing, since a recording does not depend on the ego."""
-
-    def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
-        """Return id and type of the lowest-id obstacle that overlaps the ego's rectangle at the ego's step, or None."""
-        return next(iter(self.hits(ego, vehicle)), None)
 
     def hits(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[tuple[int, str], ...]:
         """Return id and type of all obstacles that overlap the ego's rectangle at the ego's step, by ascending id."""

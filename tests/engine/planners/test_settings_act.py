@@ -62,8 +62,8 @@ def test_a_larger_vehicle_touches_an_obstacle_that_a_smaller_one_passes() -> Non
     narrow = driven(name="idm", obstacles=beside, goal=goal_state((30, 60), rectangle_at(30.0, 0.0)))
     scenario = scenario_on(straight_road(200.0), *beside)
     ego = EgoState(0, narrow.states[0].position + np.array([12.0, 0.0]), 0.0, 10.0)
-    hits = [RecordedTraffic(scenario).hit_by(ego, vehicle_of(config(s).settings)) for s in ("vehicle=2", "vehicle=4")]
-    assert hits == [None, (7, "parkedVehicle")]
+    hits = [RecordedTraffic(scenario).hits(ego, vehicle_of(config(s).settings)) for s in ("vehicle=2", "vehicle=4")]
+    assert hits == [(), ((7, "parkedVehicle"),)]
 
 
 def test_the_length_of_the_ego_counts_when_it_stops() -> None:

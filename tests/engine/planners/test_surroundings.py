@@ -241,10 +241,10 @@ def test_read_rectangles_are_hit_if_commonroad_dc_reports_a_hit(
     hits = []
     for track, beside_m in itertools.product(by_objects.moving, (-2.3, -1.9, 0.0, 1.7, 2.1)):
         ego = EgoState(12, track.positions[12] + np.array([ahead_m, beside_m]), turn_rad, 8.0)
-        hits.append(read.hit_by(ego, BMW_320I))
-        assert hits[-1] == by_objects.hit_by(ego, BMW_320I)
+        hits.append(read.hits(ego, BMW_320I))
+        assert hits[-1] == by_objects.hits(ego, BMW_320I)
     assert abs(ahead_m) > 5.0 or any(hits)
-    assert read.hit_by(EgoState(41, np.array([20.0, 0.0]), 0.0, 8.0), BMW_320I) is None
+    assert not read.hits(EgoState(41, np.array([20.0, 0.0]), 0.0, 8.0), BMW_320I)
 
 
 @pytest.mark.parametrize(
@@ -275,7 +275,6 @@ def test_bodies_of_any_shape_are_hit_if_commonroad_dc_reports_a_hit(shape: Any) 
         body = pycrcc.TimeVariantCollisionObject(step)
         body.append_obstacle(rectangle(ego, BMW_320I))
         verdicts.append(bool(create_collision_object(obstacle).collide(body)))
-        hit = traffic.hit_by(ego, BMW_320I)
-        assert (hit is not None and hit[0] == obstacle.obstacle_id) == verdicts[-1]
+        assert (obstacle.obstacle_id in dict(traffic.hits(ego, BMW_320I))) == verdicts[-1]
     assert True in verdicts
     assert False in verdicts

@@ -115,7 +115,7 @@ def test_an_ego_that_comes_over_the_line_is_seen_from_the_next_lane(tmp_path: Pa
         for step in range(1, 80):
             ego = EgoState(step, np.array(moving_aside(step, 60.0)), 0.0, 5.0 if step < 20 else 0.0)
             traffic.advance(ego)
-            assert traffic.hit_by(ego, BMW_320I) is None
+            assert not traffic.hits(ego, BMW_320I)
     assert traffic.driven[0].positions[-1][0] + 4.0 < 70.0 - BMW_320I.length_m / 2
 
 
