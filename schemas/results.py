@@ -612,6 +612,7 @@ def _moments(review: RunReview | None) -> tuple[list[str], frozenset[str]]:
         lines.append(review.nearness_in_words())
     if review.closest is not None or hit:
         stated |= {"minimum_distance_m", "minimum_time_to_collision_s"}
+    lines += [review.unseen_in_words()] if review.unseen else []
     return [*lines, *([review.motion_in_words()] if review.largest else [])], frozenset(stated)
 
 

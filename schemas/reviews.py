@@ -327,22 +327,55 @@ class Sight(Model):
 
     def in_words(self, other: str, time_s: float) -> str:
         """Return text such as ``bicycle 3074 was hidden by truck 12 until 1.2 s before the contact (occluded); …``."""
-        hider = "other bodies" if self.by is None else f"{self.by_class} {self.by}".strip()
-        texts: dict[SightCode, str] = {
-            "seen": f"{other} was reported",
-            "kept": f"{other} was reported only by extrapolation",
-            "out_of_range": f"{other} was out of the sensors' range",
-            "out_of_view": f"{other} was outside the field of view",
-            "occluded": f"{other} was hidden by {hider}",
-            "missed": f"{other} was in view but not detected",
-            "unconfirmed": f"{other} was detected too recently to be reported",
-        }
         until = (
             "up to the contact" if self.since_s is None else f"until {time_s - self.since_s:.1f} s before the contact"
         )
         lost = "" if self.first_s == self.since_s else ", then lost"
         first = "never seen" if self.first_s is None else f"first seen at {self.first_s:.1f} s{lost}"
-        return f"{texts[self.code]} {until} ({self.code}); {first}"
+        return f"{_sight_in_words(self.code, other, self.by, self.by_class)} {until} ({self.code}); {first}"
+
+
+def _sight_in_words(code: SightCode, other: str, by: int | None, by_class: str) -> str:
+    """Return a sentence without its time on how the sensors reported a road user, such as ``car 7 was hidden by …``."""
+    hider = "other bodies" if by is None else f"{by_class} {by}".strip()
+    texts: dict[SightCode, str] = {
+        "seen": f"{other} was reported",
+        "kept": f"{other} was reported only by extrapolation",
+        "out_of_range": f"{other} was out of the sensors' range",
+        "out_of_view": f"{other} was outside the field of view",
+        "occluded": f"{other} was hidden by {hider}",
+        "missed": f"{other} was in view but not detected",
+        "unconfirmed": f"{other} was detected too recently to be reported",
+    }
+    return texts[code]
+
+
+class Unseen(Model):
+    """A time in which a planner in an imperfect world did not receive a road user within the sensors' range.
+
+    ``code`` is the reason. ``by`` and ``by_class`` describe the road user that hid the largest part of it. ``until_s``
+    is None if it was not received again.
+    """
+
+    obstacle_id: int
+    obstacle_class: str
+    code: SightCode = Field(description="stable code: why the planner did not get it")
+    by: int | None = Field(None, description="the road user that hid it; null without one")
+    by_class: str = ""
+    from_s: float = Field(description="since when the planner did not get it")
+    until_s: float | None = Field(description="when the planner got it again; null if it did not")
+    nearest_m: float = Field(description="smallest distance between the centres in that time")
+
+    def in_words(self) -> str:
+        """Return text such as ``car 7 was hidden by truck 12 from 0.3 to 1.2 s, 9 m or more away (occluded)``."""
+        other = f"{class_noun(self.obstacle_class)} {self.obstacle_id}"
+        what = _sight_in_words(self.code, other, self.by, self.by_class)
+        time = (
+            f"from {self.from_s:.1f} s on"
+            if self.until_s is None
+            else f"from {self.from_s:.1f} to {self.until_s:.1f} s"
+        )
+        return f"{what} {time}, {self.nearest_m:.0f} m or more away ({self.code})"
 
 
 class Contact(Model):
@@ -524,6 +557,18 @@ class RunReview(Model):
     largest: tuple[LargestMotion, ...] = Field((), description="the largest motions of the ego")
     uncomfortable: tuple[ComfortExcess, ...] = ()
     pace: tuple[PaceMoment, ...] = Field((), description="where the ego stood, was held up or braked, and why")
+    unseen: tuple[Unseen, ...] = Field(
+        (), exclude_if=lambda unseen: not unseen, description="road users that the planner did not get, nearest first"
+    )
+    unseen_times: int = Field(0, exclude_if=lambda count: not count, description="how many such times there are in all")
+
+    def unseen_in_words(self) -> str:
+        """Return a sentence on the road users that the planner did not receive; empty if it received all."""
+        if not self.unseen:
+            return ""
+        more = self.unseen_times - len(self.unseen)
+        rest = f"; and {more} more, farther away" if more > 0 else ""
+        return f"Not received: {'; '.join(one.in_words() for one in self.unseen)}{rest}."
 
     def pace_in_words(self) -> str:
         """Return a sentence on stops, slow driving and braking without an external cause; empty if there are none."""
@@ -593,7 +638,7 @@ class RunLook(Model):
     driving, and is empty if it required some.
     """
 
-    VERSION: ClassVar[int] = 3
+    VERSION: ClassVar[int] = 4
     """The version of the rules. A look of another version is not read."""
 
     review: RunReview

@@ -4,6 +4,7 @@ Kinds of contacts and comfort limits are defined in ``docs/runs.md``. The rules 
 driven steps and the tracks of the other road users.
 """
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -31,6 +32,7 @@ from ...schemas.reviews import (
     RunReview,
     SeenCourse,
     Sight,
+    Unseen,
 )
 from ...schemas.runs import ReviewRequest, RunRecord, RunSteps
 from ...schemas.text import RESOLUTION
@@ -95,6 +97,7 @@ def review(runs: RunSet, record: RunRecord) -> RunReview:
         return RunReview(run_id=record.run_id)
     drive = _drive(runs, record, steps)
     closest, urgent = drive.nearest_moments()
+    unseen = drive.unseen()
     return RunReview(
         run_id=record.run_id,
         contact=_attributed(runs, record, drive.contact()),
@@ -103,6 +106,8 @@ def review(runs: RunSet, record: RunRecord) -> RunReview:
         largest=tuple(_largest(drive.motion)),
         uncomfortable=tuple(_uncomfortable(drive.motion)),
         pace=pace_of(runs, record),
+        unseen=unseen[:_MOST_UNSEEN],
+        unseen_times=len(unseen),
     )
 
 
@@ -232,6 +237,15 @@ class _Motion:
 def plans_on_predictions(record: RunRecord) -> bool:
     """Return True if a run's planner is known to use predictions of other road users."""
     return uses_prediction(record.planner) if record.planner in PLANNERS else bool(record.uses_prediction)
+
+
+def _reason(gap: Sequence[Sighting]) -> Sighting:
+    """Return the entry with the reason of a time without reports: the last one, before it was only unconfirmed."""
+    return next((one for one in reversed(gap) if one.code != "unconfirmed"), gap[0])
+
+
+_MOST_UNSEEN = 3
+"""How many times without reports a review lists (chosen)."""
 
 
 class _Drive:
@@ -412,19 +426,58 @@ class _Drive:
         last = max((at for at, one in enumerate(before) if one.code not in REPORTED), default=-1)
         if last < 0:
             return None
-        why = last
-        while why > 0 and before[why].code == "unconfirmed" and before[why - 1].code not in REPORTED:
-            why -= 1
-        by = before[why].by
+        gap = itertools.takewhile(lambda one: one.code not in REPORTED, reversed(before[: last + 1]))
+        why = _reason([*gap][::-1])
         first = next((one.step for one in before if one.code in REPORTED), None)
         since = before[last + 1].step if last + 1 < len(before) else None
         return Sight(
-            code=before[why].code,
-            by=by,
-            by_class="" if by is None or by not in self._tracks else self._tracks[by].kind,
+            code=why.code,
+            by=why.by,
+            by_class=self._class_of(why.by),
             first_s=self._since_start_s(first),
             since_s=self._since_start_s(since),
         )
+
+    def unseen(self) -> tuple[Unseen, ...]:
+        """Return when the planner did not receive a road user within the sensors' range, the nearest first."""
+        found = list[Unseen]()
+        for key, track in self._tracks.items():
+            sightings = () if self._perceived is None else sightings_of(self._perceived, key)
+            for is_reported, group in itertools.groupby(sightings, key=lambda one: one.code in REPORTED):
+                gap = list(group)
+                why = _reason(gap)
+                if is_reported or why.code == "out_of_range":
+                    continue
+                again = next((one.step for one in sightings if one.step > gap[-1].step), None)
+                nearest_m = self._nearest_center_m(track, gap[0].step, again)
+                if nearest_m is None:
+                    continue
+                found.append(
+                    Unseen(
+                        obstacle_id=key,
+                        obstacle_class=track.kind,
+                        code=why.code,
+                        by=why.by,
+                        by_class=self._class_of(why.by),
+                        from_s=self._since_start_s(gap[0].step) or 0.0,
+                        until_s=self._since_start_s(again),
+                        nearest_m=nearest_m,
+                    )
+                )
+        return tuple(sorted(found, key=lambda one: (one.nearest_m, one.from_s, one.obstacle_id)))
+
+    def _nearest_center_m(self, other: Track, first: int, after: int | None) -> float | None:
+        """Return the smallest distance between the centres from a step until another; None if they never coexist."""
+        end = self._ego.last_step + 1 if after is None else after
+        steps = np.arange(max(first, other.first_step, self._ego.first_step), min(end, other.last_step + 1))
+        steps = steps[steps <= self._ego.last_step]
+        if not len(steps):
+            return None
+        own, its = self._ego.positions[steps - self._ego.first_step], other.positions[steps - other.first_step]
+        return float(np.linalg.norm(own - its, axis=1).min())
+
+    def _class_of(self, obstacle_id: int | None) -> str:
+        return "" if obstacle_id is None or obstacle_id not in self._tracks else self._tracks[obstacle_id].kind
 
     def _since_start_s(self, step: int | None) -> float | None:
         return None if step is None else round((step - self._ego.first_step) * self._record.step_s, 9)

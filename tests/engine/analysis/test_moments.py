@@ -12,6 +12,7 @@ from plannerforge.engine.analysis.moments import review
 from plannerforge.engine.analysis.run_set import RunSet
 from plannerforge.schemas.reviews import COLLISION_CAUSES, Contact, RunReview
 from plannerforge.schemas.runs import CollisionRecord, DrivenObstacle, RunSource, RunSteps, ScenarioSource
+from plannerforge.schemas.worlds import Perceived, Sighting
 
 STEPS = 41
 Place = tuple[float, float, float, float]
@@ -48,6 +49,7 @@ def reviewed(ego: DrivenObstacle, *others: DrivenObstacle, folder: Path, **chang
         plan_steps=(),
         costs={},
         others=others,
+        perceived=changes.pop("perceived", None),
     )
     scenarios = (changes.pop("scenario"),) if "scenario" in changes else ()
     hit = CollisionRecord(obstacle_id=7, kind="car", step=40, time_s=4.0)
@@ -180,6 +182,40 @@ def test_a_parked_vehicle_is_not_oncoming_in_either_direction(
 def test_a_gap_that_the_tracks_do_not_show_is_not_reported(tmp_path: Path) -> None:
     ego, other = moving((20.0, 0.0, EAST, 10.0), key=0), moving((0.0, 3.0, EAST, 0.0))
     assert success(ego, other, folder=tmp_path, metrics=metrics(minimum_distance_m=0.4)).closest is None
+
+
+def test_times_in_which_the_planner_did_not_get_a_road_user_are_listed_nearest_first(tmp_path: Path) -> None:
+    ego = moving((20.0, 0.0, EAST, 10.0), key=0)
+    others = (
+        moving((0.0, 3.0, EAST, 0.0)),
+        moving((60.0, 3.0, EAST, 0.0), key=8),
+        moving((20.0, 9.0, EAST, 0.0), key=9),
+    )
+    entries = [
+        (7, 0, "out_of_range", None),
+        (7, 5, "seen", None),
+        (7, 10, "occluded", 9),
+        (7, 20, "unconfirmed", None),
+        (7, 22, "seen", None),
+        (8, 0, "out_of_range", None),
+        (8, 20, "seen", None),
+        (9, 0, "missed", None),
+    ]
+    sightings = tuple(Sighting(obstacle_id=key, step=step, code=code, by=by) for key, step, code, by in entries)  # type: ignore[arg-type]
+    found = success(ego, *others, folder=tmp_path, perceived=Perceived(sightings=sightings))
+    times = [(one.obstacle_id, one.code, one.by, one.from_s, one.until_s) for one in found.unseen]
+    assert times == [(7, "occluded", 9, 1.0, 2.2), (9, "missed", None, 0.0, None)]
+    assert found.unseen_times == 2
+    assert "car 9" in found.unseen_in_words()
+
+
+def test_a_planner_that_got_everyone_is_not_reported_to_have_missed_one(tmp_path: Path) -> None:
+    ego, other = moving((20.0, 0.0, EAST, 10.0), key=0), moving((0.0, 3.0, EAST, 0.0))
+    seen = Perceived(
+        sightings=(Sighting(obstacle_id=7, step=0, code="seen"), Sighting(obstacle_id=7, step=9, code="kept"))
+    )
+    for perceived in (None, seen):
+        assert success(ego, other, folder=tmp_path, perceived=perceived).unseen == ()
 
 
 def test_an_empty_scene_is_reported_to_have_no_closest_moment(tmp_path: Path) -> None:
