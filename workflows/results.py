@@ -23,7 +23,7 @@ from ..schemas.errors import (
     with_values,
 )
 from ..schemas.modification import Edit
-from ..schemas.planning import PlannerConfiguration
+from ..schemas.planning import PlannerConfiguration, PlannerSettings
 from ..schemas.results import ConfigWeights
 from ..schemas.reviews import RunLook
 from ..schemas.runs import (
@@ -262,13 +262,19 @@ def config_weights(runs: Iterable[RunSource], context: WorkflowContext) -> tuple
                     name=shown_name(config.name),
                     planner=config.planner,
                     weights=config.weights | config.external_weights,
-                    settings=config.settings.model_dump(exclude_defaults=True),
+                    settings=_settings(config.settings),
                     default_weights=_default_weights(config.planner),
                     parameters=_parameters(config.planner),
                     terms=_terms(config.planner),
                 )
             )
     return tuple(weights)
+
+
+def _settings(settings: PlannerSettings) -> dict[str, float]:
+    """Return the settings that differ from the default, with the vehicle if it is stated."""
+    changed = settings.model_dump(exclude_defaults=True, exclude={"vehicle_stated"})
+    return {"vehicle": settings.vehicle} | changed if settings.states_vehicle else changed
 
 
 def _default_weights(planner: str) -> dict[str, float] | None:

@@ -177,7 +177,7 @@ def _finished(
         after=after.label,
         success=success,
         metrics=tuple(metrics),
-        cost=_cost(pairing, (before, after), metrics, request.metrics),
+        cost=_cost(pairing, (before, after), metrics, request),
         to_success=tuple(_flip(pair, runs, i) for i, pair in enumerate(to_success[: request.limit])),
         to_success_count=len(to_success),
         to_failure=tuple(_flip(pair, runs, i) for i, pair in enumerate(to_failure[: request.limit])),
@@ -229,17 +229,24 @@ def _evidence(flipped: _Pairs, metrics: Sequence[MetricTest], pairs: _Pairs) -> 
     return tuple(record.run_id for pair in list(chosen.values())[: _CHECKED // 2] for record in pair)
 
 
+_HORIZON = "horizon_s"
+
+
 def _cost(
-    pairing: "_Pairing", sides: tuple[Side, Side], tested: Sequence[MetricTest], requested: Sequence[MetricName]
+    pairing: "_Pairing", sides: tuple[Side, Side], tested: Sequence[MetricTest], request: CompareRequest
 ) -> UncomparedCost | None:
     """Return the two sides' costs if they are not comparable; None if they were compared or a side has no cost."""
-    if any(one.name == _COST and one.pairs for one in tested) or (requested and _COST not in requested):
+    if any(one.name == _COST and one.pairs for one in tested) or (request.metrics and _COST not in request.metrics):
         return None
+    changed = {one.weight: one for one in _weight_changes(sides[0].config_id, sides[1].config_id, request.configs)}
     costs = [[one.metrics.mean_total_cost for one in runs if one.metrics] for runs in zip(*pairing.pairs, strict=True)]
     first, second = ([cost for cost in runs if cost is not None] for runs in costs or ([], []))
     if not first or not second:
         return None
-    if len({configuration_id(side.config_id) for side in sides}) > 1:
+    if _HORIZON in changed:
+        plans = f"{figure(changed[_HORIZON].before)} and {figure(changed[_HORIZON].after)} s"
+        why = f"the plans last {plans}, and cost terms add up over the plan"
+    elif len({configuration_id(side.config_id) for side in sides}) > 1:
         why = "the configurations use different weights or settings"
     elif len({side.config_id for side in sides}) > 1:
         why = "another version of the planner may weigh the terms differently"
@@ -276,9 +283,11 @@ def _across_rules(request: CompareRequest, records: dict[str, RunRecord]) -> tup
 def _weight_changes(before: str, after: str, configs: Sequence[ConfigWeights]) -> tuple[WeightChange, ...]:
     """Return the weights and settings that differ, by name; empty if one of the configurations is unknown.
 
-    The value is None for a weight that the planner does not have, and for a setting without a default.
+    The value is None for a weight that the planner does not have, for a setting without a default, and for a vehicle
+    that is not stated, because the ego's class then decides.
     """
     given = {name for config in configs if config.config_id in (before, after) for name in config.settings}
+    given -= {"vehicle"}
     defaults = {name: value for name, value in PlannerSettings().model_dump(exclude_none=True).items() if name in given}
     known = {config.config_id: config.weights | defaults | config.settings for config in configs}
     if before not in known or after not in known:

@@ -117,6 +117,24 @@ def test_comfort_is_compared_only_if_both_reached_the_goal() -> None:
     assert "mean_total_cost" not in pairs
 
 
+def test_costs_of_plans_of_other_lengths_are_not_comparable_for_that_reason() -> None:
+    longer = DEFAULT.model_copy(update={"config_id": "cfg_longer", "settings": {"horizon_s": 4.0}})
+    before, after = (
+        [source(record(config=config, figures=metrics(mean_total_cost=cost)))]
+        for config, cost in ((DEFAULT, 3.0), (longer, 8.0))
+    )
+    cost = compared(before, after, configs=(DEFAULT, longer)).comparisons[0].cost
+    assert cost is not None
+    assert "3 and 4 s" in cost.why
+
+
+def test_a_vehicle_that_one_side_states_is_a_changed_setting() -> None:
+    stated = DEFAULT.model_copy(update={"config_id": "cfg_stated", "settings": {"vehicle": 2}})
+    found = compared(runs(["goal_reached"]), runs(["goal_reached"], stated), configs=(DEFAULT, stated))
+    (change,) = found.comparisons[0].weights
+    assert (change.weight, change.before, change.after) == ("vehicle", None, 2.0)
+
+
 def test_incomparable_costs_are_shown_with_the_reason() -> None:
     cheap, dear = (metrics(mean_total_cost=cost) for cost in (3.0, 8.0))
     before = [source(record(figures=cheap))]
