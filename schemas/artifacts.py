@@ -185,6 +185,7 @@ class ExportArtifactsArguments(Arguments):
 
     longest_texts: ClassVar[Mapping[str, int]] = {"folder": LONGEST_PATH}
     usual_values: ClassVar[Mapping[str, Any]] = {"folder": "plannerforge-export"}
+    examples: ClassVar[Mapping[str, Any]] = {"ids": ["latest"]}
 
     ids: list[str] = Field(min_length=1, max_length=200)
     """The artifacts to write."""
@@ -326,6 +327,7 @@ class ImportFilesArguments(Arguments):
     root. Result: ids, what was refused and why; over 100 files: a job."""
 
     longest_texts: ClassVar[Mapping[str, int]] = {"path": LONGEST_PATH}
+    examples: ClassVar[Mapping[str, Any]] = {"path": "maps/town.osm"}
 
     path: str
     """A file or a folder, in a folder that the server may use."""

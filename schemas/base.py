@@ -37,6 +37,8 @@ class Arguments(Model):
     """The maximum lengths of text arguments that are not names or ids (which may have 200), in characters."""
     usual_values: ClassVar[Mapping[str, Any]] = {}
     """The values that a refusal suggests for required arguments."""
+    examples: ClassVar[Mapping[str, Any]] = {}
+    """Values that a refusal names for required arguments without a usual value, to show their form."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Arguments and answer of the tools for long work."""
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -31,6 +32,8 @@ class GetJobArguments(Arguments):
 
 class CancelJobArguments(Arguments):
     """Stop a job; what is finished stays."""
+
+    examples: ClassVar[Mapping[str, Any]] = {"job_id": "latest"}
 
     job_id: str
     """The job."""

@@ -2,9 +2,9 @@
 
 import re
 from collections import Counter
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final, Literal, NamedTuple, TypeVar
+from typing import Any, ClassVar, Final, Literal, NamedTuple, TypeVar
 
 from pydantic import Field
 
@@ -184,6 +184,8 @@ class ModifyScenarioArguments(Arguments):
 
     Untouched vehicles stay as recorded. The ego's own driving is configure_planner's.
     """
+
+    examples: ClassVar[Mapping[str, Any]] = {"edits": [{"op": "set_speed", "vehicles": ["lead"], "speed": "30km/h"}]}
 
     scenario_id: str = "latest"
     """The scenario to edit. It stays unchanged."""

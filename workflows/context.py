@@ -206,6 +206,8 @@ class WorkflowContext:
         """Return the refusal of a word that refers, perhaps misspelt, to an artifact of another kind, or None."""
         known = self._of_another_kind(word, wanted)
         meant = word
+        if known is None and (job := self.meant_job(word)) is not None:
+            return job
         if known is None:
             own = ("latest", f"latest_{wanted}")
             meant = next(iter(misspelt_names(word, (*own, *_KIND_WORDS))), "")
@@ -220,6 +222,22 @@ class WorkflowContext:
             next_step=f"use the id of a {wanted}",
             remedies=[instead(word, belonging[0])] if len(belonging) == 1 else [],
         ).also(calling("list_artifacts", kind=wanted))
+
+    def meant_job(self, word: str) -> UnknownName | None:
+        """Return the refusal of a job's id in place of an artifact's, with the job's results; None for other words."""
+        if not word.startswith("job_"):
+            return None
+        try:
+            job = self.jobs.store.get(word)
+        except UnknownName:
+            return None
+        results = sorted(job.results, key=lambda one: one.startswith("run_"))  # its batch or study comes first
+        return UnknownName(
+            f"{word} is a {job.kind} job, not an artifact, and {'has' if results else 'has no'} results",
+            valid=results,
+            next_step="use one of its results" if results else "repeat the call that started it to get its answer",
+            remedies=[instead(word, one) for one in results[:1]],
+        ).also(calling("get_job", job_id=word))
 
     def _of_another_kind(self, word: str, wanted: ArtifactKind) -> Artifact | None:
         """Return the artifact of another kind that an id or a word such as ``latest_batch`` refers to, or None."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 from ..engine.catalog import open_catalogue
 from ..engine.planners import planner_version
@@ -13,7 +14,7 @@ from ..engine.rendering import filled_page
 from ..engine.workspace import VIEWED_KINDS, Artifact, versions_of, write_whole
 from ..schemas.analysis.optimization import StudyRecord
 from ..schemas.boundaries import BoundaryRecord
-from ..schemas.errors import Faults, InvalidRequest, PlannerForgeError, UnknownName
+from ..schemas.errors import Faults, InvalidRequest, NotPossible, PlannerForgeError, UnknownName, with_values
 from ..schemas.planning import PlannerConfiguration, Replayed, ReplayRequest, RunRequest
 from ..schemas.rendering import (
     PICTURE_FORMAT,
@@ -68,6 +69,10 @@ async def render(arguments: RenderArguments, context: WorkflowContext) -> Drawin
         NotPossible: the kind of picture needs data that these artifacts do not have.
     """
     study, boundary = _study(arguments.ids, context), _boundary(arguments.ids, context)
+    if arguments.kind == "search" and study is None:
+        raise _without("study", "kind search shows a study of optimize_planner", context)
+    if arguments.kind == "boundary" and boundary is None:
+        raise _without("boundary", "kind boundary shows a map of explore_boundary", context)
     alone = study is not None or boundary is not None
     scenario_ids, run_ids, viewed = ([], [], ()) if alone else _resolved_ids(arguments.ids, context)
     made = await draw(
@@ -81,6 +86,21 @@ async def render(arguments: RenderArguments, context: WorkflowContext) -> Drawin
         boundary=boundary,
     )
     return Drawing(made, viewed)
+
+
+def _without(kind: Literal["study", "boundary"], shows: str, context: WorkflowContext) -> NotPossible:
+    """Return the refusal of a kind of picture without the artifact that it shows, with the existing ones."""
+    there = [artifact.artifact_id for artifact in context.workspace.newest(kind=kind, limit=_PROPOSED)]
+    return NotPossible(
+        f"{shows}, but ids contains no {kind}",
+        valid=there,
+        next_step=f"pass the id of a {kind}" if there else f"make a {kind} first, or leave kind out",
+        remedies=[with_values(ids=[one]) for one in there],
+    ).also(with_values(kind=None))
+
+
+_PROPOSED = 3
+"""How many studies or boundaries a refusal lists (chosen)."""
 
 
 def _study(words: list[str], context: WorkflowContext) -> StudyRecord | None:
@@ -144,7 +164,9 @@ def named_artifact(word: str, context: WorkflowContext) -> Artifact:
     try:
         return context.workspace.get(word, context.workspace.kind_of(word))
     except UnknownName as refusal:
-        raise refusal.with_words(word, (*WORDS, "latest_scenario", "current")) from refusal.__cause__
+        raise context.meant_job(word) or refusal.with_words(
+            word, (*WORDS, "latest_scenario", "current")
+        ) from refusal.__cause__
 
 
 async def draw(

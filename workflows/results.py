@@ -119,7 +119,7 @@ def result_named(word: str, context: WorkflowContext) -> Artifact:
     try:
         kind = context.workspace.kind_of(word, "run", "batch")
     except UnknownName as refusal:
-        raise refusal.with_words(word, WORDS) from refusal.__cause__
+        raise context.meant_job(word) or refusal.with_words(word, WORDS) from refusal.__cause__
     if kind not in ("run", "batch"):
         made = [one for made in ("run", "batch") for one in context.workspace.newest(kind=made, parent=word, limit=1)]
         raise InvalidRequest(

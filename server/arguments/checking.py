@@ -133,6 +133,7 @@ def _explained(model: type[BaseModel], error: ValidationError, given: Mapping[st
     ]
     more = [f"and {len(details) - _SHOWN_PROBLEMS:,} more like these"] if len(details) > _SHOWN_PROBLEMS else []
     valid = [name for _, names in problems for name in names]
+    valid += _examples(model, details)
     corrected = _corrected(model, details, given)
     these = "this argument" if len(details) == 1 else "these arguments"
     remedies, step = list[Remedy](), f"correct {these} and call again"
@@ -151,6 +152,15 @@ def _explained(model: type[BaseModel], error: ValidationError, given: Mapping[st
         remedies=remedies,
         complete=all(detail["type"] in ("literal_error", "enum", *CLOSED_RANGES) for detail in details),
     )
+
+
+def _examples(model: type[BaseModel], details: Sequence[ErrorDetails]) -> Iterator[str]:
+    """Yield an example of each required argument that is missing or empty, if the arguments have one."""
+    shown = model.examples if issubclass(model, Arguments) else {}
+    for detail in details:
+        name = str(detail["loc"][0]) if len(detail["loc"]) == 1 else ""
+        if name in shown and detail["type"] in ("missing", "too_short", "string_too_short"):
+            yield f"for instance {name}={json.dumps(shown[name])}"
 
 
 def _corrected(

@@ -13,8 +13,10 @@ from support.builders import town_road
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnexpectedFailure, with_values
 from plannerforge.schemas.modification import ModifyScenarioResult
 from plannerforge.server.arguments import proposals
+from plannerforge.server.arguments.checking import read_arguments
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
+from plannerforge.tools.registry import TOOLS, ToolSpec
 from plannerforge.workflows import modification
 
 pytestmark = pytest.mark.anyio
@@ -280,3 +282,11 @@ async def test_a_call_that_generates_is_proposed_only_if_the_maps_allow_it(
         assert call == {"tool": "generate_scenarios", "arguments": proposed}
     else:
         assert call is None or call["arguments"].get("scenario_type") != "roundabout"
+
+
+@pytest.mark.parametrize("spec", TOOLS, ids=[spec.name for spec in TOOLS])
+def test_every_required_argument_has_an_example_or_a_usual_value_that_is_valid(spec: ToolSpec) -> None:
+    shown = {**spec.arguments_type.examples, **spec.arguments_type.usual_values}
+    required = {name for name, field in spec.arguments_type.model_fields.items() if field.is_required()}
+    assert required <= shown.keys()
+    assert read_arguments(spec.arguments_type, {name: shown[name] for name in required})

@@ -1,6 +1,7 @@
 """Validation errors in one line, for every shape of argument and whatever is sent."""
 
-from typing import Any, Literal
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
 
 import pytest
 from hypothesis import given
@@ -77,6 +78,16 @@ def test_all_problems_are_named_at_once() -> None:
     assert error.message.count(";") == 2
     for part in ("'place' (text) is missing", "no argument 'cout'", "mode cannot be 'x'"):
         assert part in error.message
+
+
+@pytest.mark.parametrize("given", [{}, {"kinds": ["car"]}])
+def test_a_missing_argument_is_refused_with_an_example(given: dict[str, Any]) -> None:
+    class Exemplary(Request):
+        examples: ClassVar[Mapping[str, Any]] = {"place": "Munich"}
+
+    with pytest.raises(InvalidRequest) as refused:
+        read_arguments(Exemplary, given)
+    assert any('"Munich"' in value for value in refused.value.valid)
 
 
 def test_long_values_are_cut() -> None:

@@ -1,21 +1,25 @@
 """A word that refers to something of another kind, or almost to something, is refused with what it may mean."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 from support.catalog import facts
 from support.runs import record
 
+from plannerforge.engine.execution.jobs import JobStore
 from plannerforge.engine.workspace import Recipe, Workspace
 from plannerforge.schemas.artifacts import ListArtifactsArguments
-from plannerforge.schemas.errors import InvalidRequest, UnknownName
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
+from plannerforge.schemas.rendering import RenderArguments
 from plannerforge.schemas.runs import BatchRecord
 from plannerforge.schemas.scenarios import ScenarioRecord
 from plannerforge.workflows.artifacts import list_artifacts
 from plannerforge.workflows.configurations import resolve_configuration
 from plannerforge.workflows.context import Services, WorkflowContext
+from plannerforge.workflows.rendering import named_artifact, render
 from plannerforge.workflows.results import choose_results
 
 SCENARIO = "DEU_Bonn-1_1_T-1"
@@ -39,7 +43,8 @@ def call(tmp_path: Path) -> Iterator[WorkflowContext]:
         lost=(),
     )
     workspace.put("batch", batch.batch_id, recipe=Recipe(tool="run_planner"), record=batch)
-    yield WorkflowContext(Services(workspace, unused, unused, unused, unused, with_starter=False), unused)
+    jobs: Any = SimpleNamespace(store=JobStore(workspace.database))
+    yield WorkflowContext(Services(workspace, unused, jobs, unused, unused, with_starter=False), unused)
     workspace.close()
 
 
@@ -100,3 +105,31 @@ def test_a_misspelt_word_for_the_current_configuration_is_proposed(call: Workflo
     with pytest.raises(UnknownName) as refusal:
         resolve_configuration("curent", call)
     assert replaced(refusal.value)[0] == "current"
+
+
+@pytest.mark.parametrize("results", [("run_0123456789ab", "batch_0123456789ab"), ()])
+def test_a_job_in_place_of_an_artifact_is_refused_with_its_results(
+    call: WorkflowContext, results: tuple[str, ...]
+) -> None:
+    job, _ = call.jobs.store.start("batch", Recipe(tool="run_planner"))
+    call.jobs.store.end(job.job_id, "done", results=results)
+    ways: list[Callable[[], object]] = [
+        lambda: named_artifact(job.job_id, call),
+        lambda: choose_results([job.job_id], call),
+        lambda: call.artifact(job.job_id, "study"),
+    ]
+    for way in ways:
+        with pytest.raises(UnknownName) as refusal:
+            way()
+        assert set(refusal.value.valid) == set(results)
+        assert replaced(refusal.value) == ["batch_0123456789ab"] * bool(results)
+
+
+@pytest.mark.anyio
+@pytest.mark.parametrize("kind", ["search", "boundary"])
+async def test_a_kind_of_picture_without_its_artifact_is_drawn_without_the_kind(
+    call: WorkflowContext, kind: Any
+) -> None:
+    with pytest.raises(NotPossible) as refusal:
+        await render(RenderArguments(ids=[SCENARIO], kind=kind), call)
+    assert refusal.value.remedies[-1].changes[0].values == {"kind": None}
