@@ -19,7 +19,7 @@ from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, highest_entry_speed
 from ..geometry import Points, arc_length, oriented_rectangle, project, rectangles_overlap
 from ..scene import Scene
-from ..vehicles import HARD_BRAKING_REACTION_S, TIME_GAP_MPS, VehicleClass, hardest_braking_mps2
+from ..vehicles import HARD_BRAKING_REACTION_S, TIME_GAP_MPS, VehicleClass, hardest_braking_mps2, vehicle_classes
 from .changes import Changes, car_at_start, moved_in_time, scene_for_references
 from .edited_scene import EGO, EditedScene, SimulatedEdits, new_overlaps, overlap_steps
 from .placement import Place
@@ -151,7 +151,10 @@ class OccupiedPlaces:
     def _free_on(
         self, lanelets: list[int], place: Place, size_m: tuple[float, float], suits: Callable[[Place], bool]
     ) -> list[Place]:
-        """Return free places on the given lanelets, ordered by straight-line distance from a place."""
+        """Return free places on the given lanelets, ordered by straight-line distance from a place.
+
+        They keep a standing vehicle's usual gap to others, unless all free places are tighter.
+        """
         wanted, lanes = place.pose(self.scene)[0], self.scene.layout.table.lanes
         tried = []
         for key in lanelets:
@@ -160,9 +163,14 @@ class OccupiedPlaces:
             ).tolist():
                 distance_m = float(np.linalg.norm(Place(key, station).pose(self.scene)[0] - wanted))
                 tried.append((distance_m, key, station))
-        places = (Place(key, station) for _, key, station in sorted(tried))
-        free = (one for one in places if self.occupant(one, size_m) is None and suits(one))
-        return list(islice(free, _FREE_PLACES_FOUND))
+        gap_m = vehicle_classes()["car"].minimum_gap_m
+        spacious_m = size_m[0] + 2 * (gap_m - CLEARANCE_M), size_m[1]
+        for needed_m in (spacious_m, size_m):
+            places = (Place(key, station) for _, key, station in sorted(tried))
+            free = (one for one in places if self.occupant(one, needed_m) is None and suits(one))
+            if found := list(islice(free, _FREE_PLACES_FOUND)):
+                return found
+        return []
 
 
 _RELATIVE = ("offset_m", "gap_s", "lane")

@@ -63,6 +63,8 @@ _AROUND_PLACE_M = 10.0
 """A vehicle that stands within this distance of the ordered place stands for it (chosen): others may stand there."""
 _AT_LENGTH_S = 0.5
 """A stop that is shorter or longer by no more than this is as long as ordered (chosen)."""
+_LEAST_STAND_S = 2.0
+"""How long a stop without a duration should stand at least in a place that is proposed as within reach (chosen)."""
 _BRAKING_ROOM = 1.2
 """A refused stop proposes a place this many braking distances ahead (chosen)."""
 _NEAR_SHARE = 0.02
@@ -258,8 +260,11 @@ def _stop_achieved(edited: EditedScene, key: int, place: Place, asked_s: float |
     stands = [index for index in near if track.speeds_mps[index] <= STANDING_MPS]
     if not stands:
         is_there = any(np.linalg.norm(track.front_at(index) - target) <= _AT_PLACE_M for index in near)
-        why = "it slows down, but does not stand" if is_there else "it does not get there before the scenario ends"
-        return (missed(key, "stops", why),)
+        if is_there:
+            return (missed(key, "stops", "it slows down, but does not stand"),)
+        farthest = _farthest_stop(edited, key, asked_s)
+        within = "" if farthest is None else f"; in reach: at={farthest.lanelet_id} position={farthest.station_m:.0f}m"
+        return (missed(key, "stops", f"it does not get there before the scenario ends{within}"),)
     station = project(center, track.front_at(stands[0]))[0]
     standing_s = len(stands) * step_s
     is_long_enough = asked_s is None or abs(standing_s - asked_s) <= _AT_LENGTH_S
@@ -267,6 +272,31 @@ def _stop_achieved(edited: EditedScene, key: int, place: Place, asked_s: float |
         achieved(key, "stop at", place.station_m, station, "m", reached=abs(station - place.station_m) <= _AT_PLACE_M),
         achieved(key, "standing time", asked_s, standing_s, "s", reached=is_long_enough),
     )
+
+
+def _farthest_stop(edited: EditedScene, key: int, asked_s: float | None) -> Place | None:
+    """Return the farthest place on a vehicle's written motion at which it can stop and stand before the scenario ends.
+
+    A vehicle that brakes at its usual deceleration for a place gets there later than one that passes it, by half the
+    time for which it brakes.
+    """
+    plan, track = edited.result.plans.get(key), edited.road_users[key]
+    if plan is None:
+        return None
+    lanes, step_s = edited.scene.layout.table.lanes, edited.scene.step_s
+    stands_s = _LEAST_STAND_S if asked_s is None else asked_s
+    for index in range(len(track.speeds_mps) - 1, -1, -1):
+        left_s = (len(track.speeds_mps) - 1 - index) * step_s
+        late_s = float(track.speeds_mps[index]) / (2 * plan.vehicle_class.deceleration_mps2)
+        if left_s < late_s + stands_s:
+            continue
+        front = track.front_at(index)
+        for lanelet in plan.lanelets:
+            station_m, lateral_m = project(lanes[lanelet].center, front)
+            if 0.0 < station_m < lanes[lanelet].length_m and abs(lateral_m) < lanes[lanelet].width_m / 2:
+                return Place(lanelet, station_m)
+        return None
+    return None
 
 
 def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[int, ...]) -> EditStep:

@@ -7,6 +7,7 @@ import pytest
 from support.builders import Lane, Problem, ScenarioBuilder, driving, line, town_road
 from support.edits import Apply
 
+from plannerforge.engine.vehicles import vehicle_classes
 from plannerforge.schemas.errors import NotPossible
 
 SHORT = town_road().cut(31)
@@ -71,3 +72,5 @@ def test_the_places_proposed_for_an_occupied_one_are_on_the_requested_side(
     stations = [float(value.partition("position='")[2].removesuffix("m'")) for value in caught.value.valid]
     assert stations
     assert all((station - 40.0) * side > 0 for station in stations)
+    apart_m = min(abs(station - 40.0) for station in stations) - 4.508 / 2 - vehicle_classes()["car"].length_m / 2
+    assert apart_m >= vehicle_classes()["car"].minimum_gap_m - 0.01

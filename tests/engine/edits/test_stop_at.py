@@ -1,5 +1,6 @@
 """Edit T: stop_at."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -85,6 +86,15 @@ def test_a_stop_that_is_not_reached_in_time_is_not_done(apply: Apply) -> None:
     assert not report.done
     assert report.achieved[0].failed
     assert report.achieved[0].reason
+
+
+@pytest.mark.parametrize("duration_s", [1.0, 6.0])
+def test_a_stop_that_is_not_reached_in_time_names_a_place_that_is(apply: Apply, duration_s: float) -> None:
+    late = apply(stop("290m", duration_s=duration_s), builder=ALONE).outcome.edits[0].achieved[0]
+    place = re.search(r"at=(\d+) position=(\d+m)", late.reason)
+    assert place is not None
+    again = apply({**stop(place[2], duration_s=duration_s), "at": place[1]}, builder=ALONE).outcome.edits[0]
+    assert again.done, again.achieved
 
 
 def test_a_stop_too_short_to_stand_is_not_reported_as_out_of_time(apply: Apply) -> None:
