@@ -32,13 +32,14 @@ from ..schemas.boundaries import (
     MapSummary,
     PointsRequest,
 )
-from ..schemas.errors import Faults, InvalidRequest, UnknownName, closest, instead
+from ..schemas.errors import Faults, InvalidRequest, NotPossible, UnknownName, closest, instead
 from ..schemas.exploration import Evaluation, LogicalScenario, Parameter
 from ..schemas.grammar import is_unit, parse_interval, parse_quantity
 from ..schemas.modification import Edit
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.reviews import CAREFUL_DRIVERS, kind_in_words
 from ..schemas.runs import Traffic
+from ..schemas.text import counted
 from ..schemas.worlds import World, world_of
 from .configurations import resolve_configuration
 from .context import WorkflowContext
@@ -116,12 +117,14 @@ async def explore_boundary(arguments: ExploreBoundaryArguments, context: Workflo
     Raises:
         UnknownName: there is no such logical scenario, parameter, base or configuration.
         InvalidRequest: the number of parameters left to map is not two, or a value cannot be parsed.
+        NotPossible: a value beyond the usual range is implausible, whatever the other parameters are.
     """
     plan = await _plan(arguments, context)
     recipe, asked = plan.recipe(), arguments.scenario
     stored = context.workspace.find_by_recipe("boundary", recipe)
     if stored is not None:
         return await _finished(stored.read(BoundaryRecord), context, asked)
+    await _check_values(plan, arguments.over, context)
 
     async def work(progress: JobProgress) -> None:
         own = WorkflowContext(context.services)
@@ -246,6 +249,72 @@ def _remarks_on(
             remarks.append(f"{name} goes beyond its usual range in {logical.name}, {_range_of(usual)}.")
     chosen = [f"{axis.name}={_range_of(axis)}" for axis in axes if given and axis.name.lower() not in given]
     return [*remarks, *(f"A map has two parameters, so {text} is mapped, too." for text in chosen)]
+
+
+async def _check_values(plan: _Plan, over: Sequence[str], context: WorkflowContext) -> None:
+    """Refuse values beyond the usual range at which every tried point is implausible.
+
+    Such values have no outcome on this road, such as a gap that is longer than the road. The refusal gives the last
+    plausible value.
+    """
+    given = {text.partition("=")[0].strip().lower(): text for text in over}
+    faults = Faults()
+    for name, value, usual in _beyond(plan):
+        reason = await _implausible(plan, name, value, context)
+        if not reason:
+            continue
+        good, bad = (usual.high, value) if value > usual.high else (usual.low, value)
+        for _ in range(_HALVINGS):
+            middle = (good + bad) / 2
+            good, bad = (good, middle) if await _implausible(plan, name, middle, context) else (middle, bad)
+        axis = next((one for one in plan.axes if one.name == name), None)
+        low, high = (usual.low, good) if axis is None else (axis.low, good) if value > usual.high else (good, axis.high)
+        valid = f"{name}={low:.4g}..{high:.4g}" if axis is not None else f"{name}={good:.4g}"
+        with faults.collecting():
+            raise NotPossible(
+                f"{name}={value:g} is implausible with all values of the others that were tried: {reason}",
+                valid=[valid],
+                next_step="choose a smaller range",
+                remedies=[instead(given[name.lower()], valid, "over")] if name.lower() in given else [],
+            )
+    faults.raise_all()
+
+
+_HALVINGS = 8
+"""How often the range between a usual and an implausible value is halved for the last plausible one (chosen)."""
+_TRIED_SHARES = (0.0, 0.5, 1.0)
+"""The shares of the other ranges at which a value is tried (chosen: both ends and the middle)."""
+_TRYING = "keep_lane"
+"""The planner of these points: a point is implausible whatever the planner, and this one needs the least time."""
+
+
+def _beyond(plan: _Plan) -> list[tuple[str, float, Parameter]]:
+    """Return the requested values outside their usual ranges: the ends of mapped ranges, and the fixed values."""
+    values = {(axis.name, end) for axis in plan.axes for end in (axis.low, axis.high)}
+    values |= {(name, value) for at in plan.slices for name, value in at.items()}
+    found = ((name, value, plan.logical.parameter(name)) for name, value in sorted(values))
+    return [one for one in found if not one[2].is_fixed and not one[2].low <= one[1] <= one[2].high]
+
+
+async def _implausible(plan: _Plan, name: str, value: float, context: WorkflowContext) -> str:
+    """Return why all tried points with a value of a parameter are implausible; empty if one of them is plausible."""
+    mapped = ({axis.name: axis.at_share(share) for axis in plan.axes} for share in _TRIED_SHARES)
+    points = tuple({**plan.slices[0], **values, name: value} for values in mapped)
+    request = PointsRequest(
+        xml=plan.xml,
+        configuration=resolve_configuration(_TRYING, context),
+        problem_id=plan.problem_id,
+        earlier=plan.earlier,
+        traffic=plan.traffic,
+        seed=plan.arguments.seed,
+        horizon_s=plan.logical.horizon_s,
+        logical=plan.logical,
+        points=points,
+    )
+    response = await context.run(EVALUATE_POINTS, request, share=(0.0, 0.0))
+    evaluations = response.evaluations
+    is_implausible = all(one.outcome == "implausible" for one in evaluations)
+    return evaluations[0].reason.rstrip(".") if is_implausible else ""
 
 
 def _range_of(parameter: Parameter) -> str:
@@ -508,10 +577,24 @@ async def _finished(record: BoundaryRecord, context: WorkflowContext, asked: str
         maps=tuple(_summary(one) for one in record.maps),
         examples=tuple(examples),
         implausible=tuple(f"{reason} ({count})" for reason, count in reasons.most_common(_SHOWN_REASONS)),
-        notes=record.scenario.notes,
+        notes=(*record.scenario.notes, *_contradictions(record)),
         next_step=f"render ids ['{record.boundary_id}'] for the map"
         + ("; modify_scenario with an example's edits repeats it" if examples else _harder(record)),
     ).with_record(record)
+
+
+def _contradictions(record: BoundaryRecord) -> list[str]:
+    """Return a note if a planner is safe at points at which the failure of another counts as unavoidable."""
+    outcomes: dict[str, set[str]] = {}
+    for one in record.maps:
+        for point in one.points:
+            key = json.dumps([sorted(one.at.items()), point.place])
+            outcomes.setdefault(key, set()).add(point.evaluation.outcome)
+    count = sum({"safe", "failed_unavoidably"} <= found for found in outcomes.values())
+    if not count:
+        return []
+    where = f"at {counted(count, 'point')}, one planner is safe and the failure of another counts as unavoidable"
+    return [f"{where}, because only the two reference drivers decide what is avoidable"]
 
 
 def _harder(record: BoundaryRecord) -> str:

@@ -240,3 +240,47 @@ async def test_a_value_in_another_unit_is_not_carried_over_to_another_parameter(
     proposed = {old: new for change in refused.value.remedies[0].changes for old, new in change.words.items()}
     assert proposed["gap_s=0.3..2"] == "gap_m"
     assert proposed["speed_difference_mps"].endswith("_mps")
+
+
+@pytest.mark.anyio
+@pytest.mark.parametrize(
+    "over",
+    [["headway_s=0.4..900"], ["deceleration_mps2=2..80"], ["ego_speed_mps=400", "headway_s", "deceleration_mps2"]],
+    ids=["longer_than_the_road", "harder_than_tyres", "fixed_value"],
+)
+async def test_a_value_that_no_point_can_have_is_refused_with_the_last_plausible_one(
+    context: WorkflowContext, over: list[str]
+) -> None:
+    given = {**SMALL, "scenario": "lead_braking", "over": over}
+    with pytest.raises(NotPossible) as refused:
+        await boundaries.explore_boundary(ExploreBoundaryArguments(**given), context)
+    (remedy,) = refused.value.remedies
+    (change,) = remedy.changes
+    smaller = [change.words.get(text, text) for text in over]
+    assert smaller != over
+    plan = await boundaries._plan(ExploreBoundaryArguments(**{**given, "over": smaller}), context)
+    await boundaries._check_values(plan, smaller, context)
+
+
+@pytest.mark.anyio
+async def test_a_range_a_little_beyond_the_usual_one_is_mapped(context: WorkflowContext) -> None:
+    given = {**SMALL, "scenario": "lead_braking", "over": ["headway_s=0.3..2.6"]}
+    plan = await boundaries._plan(ExploreBoundaryArguments(**given), context)
+    await boundaries._check_values(plan, given["over"], context)
+
+
+@pytest.mark.anyio
+async def test_a_failure_that_counts_as_unavoidable_where_another_planner_is_safe_is_explained(
+    context: WorkflowContext,
+) -> None:
+    record, _ = await explored(context)
+    only = record.maps[0]
+    worst = only.points[0].evaluation.model_copy(update={"outcome": "failed_unavoidably"})
+    safe = only.points[0].evaluation.model_copy(update={"outcome": "safe"})
+    pair = [
+        only.model_copy(update={"points": (only.points[0].model_copy(update={"evaluation": one}),)})
+        for one in (worst, safe)
+    ]
+    noted = await boundaries._finished(record.model_copy(update={"maps": tuple(pair)}), context)
+    plain = await boundaries._finished(record.model_copy(update={"maps": (pair[0], pair[0])}), context)
+    assert len(noted.notes) == len(plain.notes) + 1
