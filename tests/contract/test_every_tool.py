@@ -144,7 +144,8 @@ async def test_every_link_of_an_answer_leads_somewhere(prepared: Prepared, era: 
 
 
 async def _artifacts(client: Client) -> list[dict[str, Any]]:
-    listed = await client.call_tool("list_artifacts", {"limit": 50})
+    """The newest artifacts, which come first."""
+    listed = await client.call_tool("list_artifacts", {"limit": 5})
     assert listed.structured_content is not None
     found: list[dict[str, Any]] = listed.structured_content["artifacts"]
     return found

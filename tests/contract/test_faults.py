@@ -10,11 +10,13 @@ import psutil
 import pytest
 from support.server import Connect
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
 
 of_no_era = pytest.mark.parametrize("era", ["auto"])
 """A worker's end has nothing to do with the protocol; only a cancellation travels in it."""
 LONG_WORK: dict[str, Any] = {"density": "high", "duration_s": 120, "seed": 3}
+LIGHT_WORK: dict[str, Any] = {"scenario_id": "ZAM_Fahrhausen-21_1_T-1"}
+"""A scenario to describe, which a new worker does after few imports."""
 
 
 @pytest.fixture
@@ -48,7 +50,7 @@ async def test_a_killed_worker_gives_an_error_and_the_next_call_works(
         assert strike.struck.is_set()
         assert result.is_error
         assert "[worker_failure]" in result.content[0].text  # type: ignore[union-attr]
-        again = await client.call_tool("generate_scenarios", {"duration_s": 5, "goal": "steps:20", "seed": 4})
+        again = await client.call_tool("describe_scenario", LIGHT_WORK)
         assert not again.is_error
 
 
@@ -61,7 +63,7 @@ async def test_a_cancelled_call_ends_its_worker_and_the_next_call_works(
         assert scope.cancelled_caught
         while own_workers():
             await anyio.sleep(0.05)
-        again = await client.call_tool("generate_scenarios", {"duration_s": 5, "goal": "steps:20", "seed": 4})
+        again = await client.call_tool("describe_scenario", LIGHT_WORK)
         assert not again.is_error
 
 
@@ -70,6 +72,6 @@ async def test_a_server_that_is_left_leaves_no_worker(
     connect: Connect, own_workers: Callable[[], set[psutil.Process]]
 ) -> None:
     async with connect() as client:
-        await client.call_tool("generate_scenarios", {"duration_s": 5, "goal": "steps:20", "seed": 4})
+        await client.call_tool("describe_scenario", LIGHT_WORK)
         assert own_workers()
     assert not own_workers()

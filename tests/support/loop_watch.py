@@ -35,10 +35,11 @@ class LoopWatch:
         self._thread = threading.get_ident()
 
     def note(self, frame: FrameType, event: str, argument: Any) -> None:
-        """Examine a function call; a listener of ``sys.setprofile``."""
-        del argument
-        if event == "call":
-            name = f"{frame.f_globals.get('__name__', '')}.{frame.f_code.co_name}"
+        """Examine a function call; a listener of ``sys.settrace`` that does not ask for lines."""
+        del event, argument
+        module = frame.f_globals.get("__name__", "")
+        if module.startswith("plannerforge."):
+            name = f"{module}.{frame.f_code.co_name}"
             if name.startswith(_OFF_THE_LOOP) and not name.startswith(_OF_THE_LOOP):
                 self.held.add(name)
 
@@ -65,10 +66,11 @@ def watched_loop() -> Iterator[LoopWatch]:
     """Watch the calling thread during the block, and fail if it was blocked."""
     watch = LoopWatch()
     _watches.append(watch)
-    sys.setprofile(watch.note)
+    before = sys.gettrace()
+    sys.settrace(watch.note)
     try:
         yield watch
     finally:
-        sys.setprofile(None)
+        sys.settrace(before)
         _watches.remove(watch)
     assert not watch.held, f"the event loop's thread ran {sorted(watch.held)}"

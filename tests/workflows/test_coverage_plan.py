@@ -9,6 +9,7 @@ from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
+import anyio
 import pytest
 from mcp import Client
 from support.server import Connect, StdioServer
@@ -200,8 +201,8 @@ def killed_when(folder: Path, wish: dict[str, Any], is_time: Callable[[int], boo
     server.kill()
 
 
-def carried_to_the_end(folder: Path, wish: dict[str, Any], workers: int = 2) -> dict[str, Any]:
-    server = StdioServer(folder, ("--workers", str(workers)))
+def carried_to_the_end(folder: Path, wish: dict[str, Any]) -> dict[str, Any]:
+    server = StdioServer(folder, ("--workers", "2"))
     try:
         while True:
             answer: dict[str, Any] = server.call("generate_scenarios", **wish)
@@ -215,26 +216,32 @@ def stored(folder: Path) -> dict[str, bytes]:
     return {path.parent.name: path.read_bytes() for path in (folder / "workspace" / "scenarios").glob("*/scenario.xml")}
 
 
-def test_a_plan_ends_unchanged_although_its_server_is_killed_twice(tmp_path: Path) -> None:
+def test_a_plan_ends_unchanged_although_its_server_is_killed_twice(
+    connect: Connect, bare: Settings, tmp_path: Path
+) -> None:
     wish = {
         "cover": ["scenario_type=rural|ramp", "vehicles=bicycle|cars"],
         "place": "Neuland",
         "duration_s": 5,
         "goal": "steps:20",
-        "count": 7,
+        "count": 5,
     }
-    disturbed, quiet = tmp_path / "disturbed", tmp_path / "quiet"
-    for folder in (disturbed, quiet):
-        folder.mkdir()
+    disturbed, quiet = tmp_path / "disturbed", bare.workspace.parent
+    disturbed.mkdir()
     killed_when(disturbed, wish, lambda count: count >= 1)
     first = rows_ended(disturbed)
-    assert first < 9
+    assert first < 7
     killed_when(disturbed, wish, lambda count: count > first)
     there = stored(disturbed)
     plan = carried_to_the_end(disturbed, wish)["plan"]
-    expected = carried_to_the_end(quiet, wish, workers=1)["plan"]
+
+    async def at_once() -> dict[str, Any]:
+        async with connect(bare) as client:
+            return (await ended(client, **wish))[1]
+
+    expected = anyio.run(at_once)["plan"]
     assert {**plan, "reused": 0} == {**expected, "reused": 0}
-    assert (plan["made"], plan["waiting"]) == (7, 0)
+    assert (plan["made"], plan["waiting"]) == (5, 0)
     assert stored(disturbed) == stored(quiet)
-    assert len(stored(quiet)) == 7
+    assert len(stored(quiet)) == 5
     assert there.items() <= stored(disturbed).items()

@@ -4,9 +4,10 @@ With total costs ``w·r + rest`` over the same candidates, a candidate with a la
 larger ``w``. Sums are taken in integers, so that no rounding decides between candidates.
 """
 
+import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -22,18 +23,26 @@ from plannerforge.engine.planners.safety import SafetyCheck
 from plannerforge.engine.tuning import tuning_of
 
 WEIGHTS = sorted(tuning_of("frenetix").weights)
-SCALE = 2**1100  # every finite float times this is an integer
 
 
 @dataclass(frozen=True)
 class Stored:
-    """What the planner's choice looks at, and the raw terms behind the cost."""
+    """What the planner's choice looks at, and the raw terms behind the cost, also as integers of one scale."""
 
     cost: Any
     uniqueId: int  # noqa: N815 - as the core names it
     raw: Mapping[str, float]
     exact: Mapping[str, int]
     objection: str | None
+
+
+@dataclass(slots=True)
+class Priced:
+    """A stored candidate with its cost under other weights."""
+
+    cost: int
+    uniqueId: int  # noqa: N815 - as the core names it
+    stored: Stored
 
 
 class Keeping(Frenetix):
@@ -51,8 +60,7 @@ class Keeping(Frenetix):
     def _copied(self, sample: Any, step: Any, check: SafetyCheck) -> Stored:
         raw = {name: float(pair[0]) for name, pair in sample.costMap.items()}
         trajectory = copied_trajectory(sample, step.frame, step.ego, self._task.vehicle)
-        exact = {name: int(Fraction(value) * SCALE) for name, value in raw.items()}
-        return Stored(float(sample.cost), int(sample.uniqueId), raw, exact, check.objection(trajectory))
+        return Stored(float(sample.cost), int(sample.uniqueId), raw, {}, check.objection(trajectory))
 
 
 @pytest.fixture(scope="module")
@@ -62,20 +70,24 @@ def stored() -> tuple[Stored, ...]:
     planner = Keeping()
     config = configuration("frenetix:Default", *(f"{name}=0.7" for name in WEIGHTS))
     drive(scenario_on(road(200.0, lanes=2), *cars), problem_for(goal, speed_mps=9.0), config, planner=planner)
-    return planner.stored
+    terms = {value for candidate in planner.stored for value in candidate.raw.values()}
+    scale = math.lcm(*(Fraction(value).denominator for value in terms))
+    exact = {value: int(Fraction(value) * scale) for value in terms}
+    return tuple(
+        replace(candidate, exact={name: exact[value] for name, value in candidate.raw.items()})
+        for candidate in planner.stored
+    )
 
 
 def chosen(candidates: tuple[Stored, ...], weights: Mapping[str, int]) -> Stored:
     """The planner's own choice among the candidates under other weights."""
-    priced = [
-        Stored(sum(weights[name] * c.exact[name] for name in WEIGHTS), c.uniqueId, c.raw, c.exact, c.objection)
-        for c in candidates
-    ]
+    counted = [name for name in WEIGHTS if weights[name]]
+    priced = [Priced(sum(weights[name] * c.exact[name] for name in counted), c.uniqueId, c) for c in candidates]
     ordered = sorted(priced, key=lambda one: one.cost)
     ranked = cheapest_first(ordered, lambda _: None, at_once=len(priced))
-    found = first_feasible(ranked, lambda candidate: candidate.objection, Counter())
+    found = first_feasible(ranked, lambda one: one.stored.objection, Counter())
     assert found is not None
-    return found
+    return found.stored
 
 
 def test_the_stored_set_is_real_and_its_costs_are_the_sums_of_the_terms(stored: tuple[Stored, ...]) -> None:
