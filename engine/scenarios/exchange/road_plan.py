@@ -24,6 +24,8 @@ from .cross_sections import LEVEL_M, Strip, strip_of
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
 
+CLOSED_M = 0.001
+"""OpenDRIVE links no lane that begins or ends at a point; narrower ends count as points (as for a file's shapes)."""
 SAME_M = 0.02
 """Neighbours are separate roads if their common bound differs by more, or if they do not start and end level."""
 
@@ -57,7 +59,7 @@ class RoadPlan:
 
     ``roads``: by the id of its first lanelet, each road's lanelets from left to right. ``strips``: their shapes.
     ``following``: by lanelet, the drawn lanelets that follow it. ``left_out``: lanelets without an area. ``apart``:
-    links between lanelets that do not meet, which are not written to the file.
+    links between lanelets that do not meet, or where one has no width, which are not written to the file.
     """
 
     roads: dict[int, tuple[int, ...]]
@@ -85,6 +87,14 @@ class RoadPlan:
                     roads[part[0]] = part
                 left_out += [key for key in keys if not any(key in part for part in roads.values())]
         drawn = {key for keys in roads.values() for key in keys}
+        ends = {
+            key: _end_widths_m(strips[road], index) for road, keys in roads.items() for index, key in enumerate(keys)
+        }
+        meeting = {
+            (key, after)
+            for key, after in meeting
+            if not drawn.issuperset((key, after)) or min(ends[key][1], ends[after][0]) >= CLOSED_M
+        }
         following: dict[int, list[int]] = {key: [] for key in sorted(drawn)}
         for key, after in sorted(meeting):
             if key in drawn and after in drawn:
@@ -258,6 +268,12 @@ def _drawn(keys: tuple[int, ...], corners: "_Corners", strips: dict[int, Strip])
         if part == keys:
             break
     return parts
+
+
+def _end_widths_m(strip: Strip, index: int) -> tuple[float, float]:
+    """Return the width of a lane at the start and at the end of its road, in m."""
+    widths_m = strip.offsets_m[[0, -1], index] - strip.offsets_m[[0, -1], index + 1]
+    return float(widths_m[0]), float(widths_m[1])
 
 
 def _meet(lanelet: "Lanelet", following: "Lanelet") -> bool:

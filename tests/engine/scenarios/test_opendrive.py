@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
 from lxml import etree
 from pyproj import Proj
 from support.builders import Lane, ScenarioBuilder, line, town_road
@@ -16,6 +17,7 @@ from plannerforge.engine.network import run_netconvert, stated_frictions
 from plannerforge.engine.scenarios import write_opendrive
 from plannerforge.engine.scenarios.exchange.opendrive import BRIDGE_M
 from plannerforge.engine.scenarios.exchange.reading_back import geometry_error
+from plannerforge.engine.scenarios.exchange.road_plan import RoadPlan
 from plannerforge.schemas.artifacts import ForeignExport, ForeignExportRequest
 from plannerforge.schemas.errors import PlannerForgeError
 from plannerforge.schemas.text import one_line
@@ -166,6 +168,25 @@ def test_a_link_between_lanelets_far_apart_is_left_out_and_reported(tmp_path: Pa
     told = exported(network(*lanes).write(tmp_path / "apart.xml"), tmp_path / "apart.xodr")
     assert told.lost == ("1 link between lanelets that do not meet",)
     assert linked(tmp_path / "apart.xodr") == set()
+
+
+def test_a_lane_drawn_without_a_width_at_its_start_follows_no_other_lane() -> None:
+    wide, short = (
+        Lanelet(np.array(left), np.add(left, right) / 2, np.array(right), key, predecessor=before, successor=after)
+        for key, left, right, before, after in (
+            (1, [(7.39, 1.6), (2.47, 0.0)], [(6.21, 5.1), (0.0, 2.9)], [], [2]),
+            (
+                2,
+                [(2.47, 0.0), (3.89, 1.3), (4.84, 4.1), (4.48, 6.8)],
+                [(0.0, 2.9), (0.35, 3.5), (0.32, 4.5), (0.07, 5.1)],
+                [1],
+                [],
+            ),
+        )
+    )
+    plan = RoadPlan.of(LaneletNetwork.create_from_lanelet_list([wide, short]))
+    assert plan.following == {1: (), 2: ()}
+    assert plan.apart == ((1, 2),)
 
 
 def test_the_reported_bounds_match_another_reader_s(tmp_path: Path) -> None:
