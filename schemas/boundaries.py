@@ -218,7 +218,7 @@ class MapSummary(Model):
 
 
 _BOUNDS = (
-    "In brackets: bounds that allow for other outcomes between the points, judged by the few points that test this."
+    "In brackets: bounds on each share, because outcomes between the points are uncertain (estimated from test points)."
 )
 
 

@@ -223,7 +223,9 @@ class FindScenariosResult(Result):
         if self.coverage:
             missed = "; ".join(_missed(one) for one in self.coverage if one.missed)
             lines.append(
-                f"Only other matches have: {missed}" if missed else "The selection has every value of all matches."
+                f"Only other matches have: {missed}"
+                if missed
+                else "The selection covers every feature value of the matches."
             )
         elif self.total > len(self.matches) > 0:
             lines.append(f"… {self.total - len(self.matches)} more: raise offset or limit.")

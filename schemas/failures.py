@@ -294,7 +294,7 @@ def _lines(failure: FoundFailure) -> Iterator[str]:
         if shrunk is None
         else f" Reduced to {shrunk.scenario_id}: {shrunk.road_users_before} → {shrunk.road_users} road users"
         f"{_lanelets(shrunk)}"
-        f"{f'; values that must stay: {_listed(shrunk.needed)}' if shrunk.needed else ''}."
+        f"{f'; still needed for the failure: {_listed(shrunk.needed)}' if shrunk.needed else ''}."
     )
     yield f"  {failure.reason}; {drivers} would not fail. Type: {failure.cell.in_words()}.{reduced}"
 

@@ -579,7 +579,11 @@ async def _finished(record: BoundaryRecord, context: WorkflowContext, asked: str
         implausible=tuple(f"{reason} ({count})" for reason, count in reasons.most_common(_SHOWN_REASONS)),
         notes=(*record.scenario.notes, *_contradictions(record)),
         next_step=f"render ids ['{record.boundary_id}'] for the map"
-        + ("; modify_scenario with an example's edits repeats it" if examples else _harder(record)),
+        + (
+            "; to rebuild an example as a scenario, call modify_scenario with its edits"
+            if examples
+            else _harder(record)
+        ),
     ).with_record(record)
 
 

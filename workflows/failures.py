@@ -201,7 +201,7 @@ class _Search:
             found = len(self.cells(self.points))
             await report(
                 _OPENING + (0.9 - _OPENING) * share,
-                f"{self.runs} of {self.arguments.runs} runs, {found} distinct failures",
+                f"{self.runs} of {self.arguments.runs} runs, {counted(found, 'distinct failure')}",
             )
 
     async def evaluate_batch(self, space: SearchSpace) -> None:
@@ -482,7 +482,7 @@ async def find_failures(arguments: FindFailuresArguments, context: WorkflowConte
         apart = WorkflowContext(replace(context.services, recent=context.services.recent.copied()))
         done = await _search(arguments, apart).run(progress)
         _keep_record(done, recipe, apart)
-        progress.report(1.0, f"{counted(len(done.failures), 'distinct failure')}; repeat find_failures to get them")
+        progress.report(1.0, f"{counted(len(done.failures), 'distinct failure')}; repeat the call for the results")
 
     record = _kept_record(recipe, context)
     if record is None:

@@ -186,7 +186,7 @@ def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: Emptied
         return f"each of {names} holds for some of the {len(entering):,} candidates, but no candidate meets all"
     alternatives = [_alternatives(connection, constraint, funnel, entering) for constraint in reason.constraints]
     existing = "; ".join(values for values in alternatives if values)
-    return f"0 of {len(entering):,} candidates have {names}" + (f"; available {existing}" if existing else "")
+    return f"0 of {len(entering):,} candidates match {names}" + (f"; available {existing}" if existing else "")
 
 
 def _alternatives(connection: sqlite3.Connection, constraint: Constraint, funnel: Funnel, entering: EntrySet) -> str:

@@ -299,7 +299,7 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
     if rate > hardest:
         on_road = "" if scene.friction is None else f" on a road with a friction of {scene.friction:g}"
         raise InvalidRequest(
-            f"no vehicle can change its speed by {rate:g} m/s²{on_road}",
+            f"no vehicle can accelerate or brake at {rate:g} m/s²{on_road}",
             valid=[f"0 to {hardest:g} m/s²"],
             next_step="choose a smaller rate_mps2",
             remedies=[with_values(rate_mps2=hardest)],
@@ -793,7 +793,7 @@ def _added_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     replay = Replay(track, scene.matcher.match(track), None, is_scripted=True, from_step=-1, script=script)
     changes = replace(changes.with_replay(replay), next_id=key + 1)
     what = (
-        f"{vehicle_class.name} {key} drives against lanelet {place.lanelet_id} from {place.station_m:.1f} m at "
-        f"{speed:.1f} m/s, from {step * scene.step_s:.1f} s"
+        f"{vehicle_class.name} {key} drives the wrong way along lanelet {place.lanelet_id} from "
+        f"{place.station_m:.1f} m at {speed:.1f} m/s, from {step * scene.step_s:.1f} s"
     )
     return EditStep(changes, (key,), what, added=(key,))

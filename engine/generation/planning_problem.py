@@ -155,8 +155,8 @@ def choose_task(
     if (task := _best_task(others, spec, network, lookup, focus, step_s, accepts)) is not None:
         return replace(task, stands_in=True)
     raise NotPossible(
-        f"no {name} ({len(choice) + len(others)} tried) reaches a goal {goal.in_words()} within the recording that is "
-        f"at least {spec.shortest_path_m:g} m away and clear of the start",
+        f"no {name} ({len(choice) + len(others)} tried) reaches a goal {goal.in_words()} before the recording ends; "
+        f"the goal must be at least {spec.shortest_path_m:g} m from the start and not overlap it",
         valid=_driven_lanelets([*choice, *others], lookup) if goal.lanelet else [],
         next_step="choose another goal, a longer duration_s, another ego or another seed",
         reason=NO_TURN if goal.turn is not None else "",

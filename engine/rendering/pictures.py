@@ -206,7 +206,7 @@ def _step(content: ScenarioContent, paths: tuple[DrivenPath, ...], time_s: float
             f"{content.scenario_id} {'and the runs on it end' if paths else 'ends'} at {last * content.step_s:.1f} s "
             f"at the latest, before time_s={time_s:g}",
             valid=[f"a time_s from 0 to {last * content.step_s:.1f}"],
-            next_step="choose a time in it",
+            next_step="choose a time within this range",
             remedies=[with_values(time_s=round(last * content.step_s, 3))],
         )
     return step

@@ -665,7 +665,7 @@ class PlanSummary(Model):
 
     def lines(self) -> list[str]:
         """Return what was generated and where, what is impossible, and what is left, one line each."""
-        tried = [f"{counted(self.refused, 'try')} refused"] if self.refused else []
+        tried = [f"{counted(self.refused, 'attempt')} discarded"] if self.refused else []
         lost = [f"{self.failed} failed"] if self.failed else []
         where = [f"{count} in {shown_name(place)}" for place, count in list(self.places.items())[:_SHOWN_PLACES]]
         more = len(self.places) - len(where)

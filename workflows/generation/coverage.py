@@ -300,7 +300,7 @@ class _PlanWork:
         tally, wanted = self._tally, self._plan.wanted
         lost = tally.refused + tally.failed
         share = tally.made / wanted if wanted else (tally.made + lost) / max(tally.made + lost + tally.waiting, 1)
-        message = f"{tally.made:,}{f' of {wanted:,}' if wanted else ''} generated, {counted(lost, 'try')} refused"
+        message = f"{tally.made:,}{f' of {wanted:,}' if wanted else ''} generated, {counted(lost, 'attempt')} discarded"
         self._progress.report(min(share, 1.0), message)
 
 
