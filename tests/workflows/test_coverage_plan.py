@@ -14,6 +14,7 @@ import pytest
 from mcp import Client
 from support.server import Connect, StdioServer
 
+from plannerforge.engine.traffic import vehicles_per_lane_km
 from plannerforge.server.settings import Settings
 
 COVER = ["scenario_type=intersection|ramp", "duration_s=7|8", "turn=left|merge"]
@@ -89,6 +90,19 @@ async def test_scenarios_in_the_workspace_are_counted_and_not_generated_again(co
         cover = ["scenario_type=intersection", "density=low", "turn=straight|right"]
         plan = (await ended(client, **shared, cover=cover))[1]["plan"]
         assert (plan["covered"], plan["allowed"], plan["made"]) == (5, 5, 1)
+
+
+@pytest.mark.anyio
+async def test_scenarios_of_a_plan_have_the_density_of_the_hour(connect: Connect, bare: Settings) -> None:
+    async with connect(bare) as client:
+        shared = {"place": "Fahrhausen", "scenario_type": "intersection", "seed": 5, "conditions": ["time=rush_hour"]}
+        cover = {"cover": ["turn=straight"], "count": 1}
+        plan = (await ended(client, **shared, **cover))[1]["plan"]
+        (made,) = (await told(client, "list_artifacts", parent=plan["plan_id"]))[1]["artifacts"]
+        facts = (await told(client, "describe_scenario", scenario_id=made["artifact_id"], detail="recipe"))[1]
+        assert facts["generation"]["density"]["target_per_lane_km"] == vehicles_per_lane_km(17)
+        stated = (await ended(client, **shared, **cover, density="low"))[1]["plan"]
+        assert stated["plan_id"] != plan["plan_id"]
 
 
 @pytest.mark.anyio

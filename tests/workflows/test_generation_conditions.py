@@ -285,3 +285,12 @@ def test_the_class_that_is_to_make_a_manoeuvre_joins_the_traffic() -> None:
     assert classes("truck=3", "bus=1") == ["truck", "bus"]
     with pytest.raises(InvalidRequest):
         classes("truck=0")
+
+
+def test_a_density_that_cover_varies_overrides_the_hour() -> None:
+    varied = read_conditions(arguments("time=rush_hour", cover=["density=low|high"]))
+    other = read_conditions(arguments("time=rush_hour", cover=["turn=left|right"]))
+    assert varied.conditions is not None
+    assert varied.conditions.per_lane_km is None
+    assert other.conditions is not None
+    assert other.conditions.per_lane_km == vehicles_per_lane_km(17)

@@ -228,7 +228,10 @@ class RequestedPlan:
                 changed[name] = float(value) if re.fullmatch(r"\d+(\.\d+)?", value) else value
             else:
                 changed[name] = value
-        given = self.arguments.model_dump() | changed | {"vehicles": vehicles}
+        if any(factor.name == "density" for factor in self.factors):
+            changed.setdefault("density", self.arguments.density)
+        # A default is not a request: the time of day sets the density, and a turn the duration, unless they are given.
+        given = self.arguments.model_dump(exclude_unset=True) | changed | {"vehicles": vehicles}
         try:
             return GenerateScenariosArguments.model_validate(given)
         except ValidationError as error:
@@ -248,7 +251,8 @@ class RequestedPlan:
     @cached_property
     def recipe(self) -> Recipe:
         """The recipe of the plan, which does not include the number of scenarios."""
-        shared = self.arguments.model_dump(mode="json", exclude={"cover", "count", "trial_run", "seed"})
+        unset = {"density", "duration_s"} - self.arguments.model_fields_set
+        shared = self.arguments.model_dump(mode="json", exclude={"cover", "count", "trial_run", "seed"} | unset)
         cover = [f"{factor.name}={'|'.join(factor.levels)}" for factor in self.factors]
         maps = sorted({match.entry.facts.map_id for match in self._all_matches()})
         return Recipe(
@@ -357,7 +361,7 @@ class ExistingLevels:
 
     def of(self, shape: Mapping[str, Any]) -> Levels | None:
         """Return the request's level per factor (None if not in the plan), or None if it belongs to another plan."""
-        determined = {field for name in self._names for field in _OWN[name]} | set(_WHERE)
+        determined = {field for name in self._names for field in _OWN[name]} | {*_WHERE, "longest_s"}
         fields = (set(self._common) | set(shape)) - determined
         if any(self._common.get(field) != shape.get(field) for field in fields):
             return None

@@ -173,7 +173,9 @@ def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
     if flows:
         read["flows"] = flows
     conditions = TrafficConditions.model_validate({_FIELDS.get(key, key): value for key, value in read.items()})
-    if not flows and conditions.hour is not None and "density" not in arguments.model_fields_set:
+    is_varied = any(text.partition("=")[0].strip() == "density" for text in arguments.cover)
+    is_stated = is_varied or "density" in arguments.model_fields_set
+    if not flows and conditions.hour is not None and not is_stated:
         per_lane_km = vehicles_per_lane_km(conditions.hour)
         conditions = conditions.model_copy(update={"per_lane_km": per_lane_km})
         notes.append(
@@ -181,7 +183,8 @@ def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
             f"hour's share of a working day's traffic, {SHARES_OF_DAY_SOURCE}); a given density overrides it"
         )
     elif conditions.hour is not None:
-        source = "the flows set" if flows else f"density={arguments.density} sets"
+        stated = "cover sets" if is_varied else f"density={arguments.density} sets"
+        source = "the flows set" if flows else stated
         notes.append(f"{conditions.time}: the hour does not change the number of vehicles, because {source} it")
     return _ReadConditions(conditions, tuple(notes), others)
 
