@@ -400,11 +400,17 @@ async def most_critical(
 
 
 def _check(space: SearchSpace, scenario_id: str, planner: str) -> None:
+    if space.base.outcome in ("implausible", "invalid"):
+        raise NotPossible(
+            f"{planner} cannot be run in the unchanged {scenario_id}: {space.base.reason}",
+            reason=f"base_{space.base.outcome}",
+            next_step="choose another scenario; describe_scenario with detail 'checks' describes the state of this one",
+        )
     if space.base.has_failed or space.base.outcome != "safe":
         raise NotPossible(
             f"{planner} already fails in the unchanged {scenario_id}: {space.base.reason}",
             reason=f"base_{space.base.outcome}",
-            next_step="choose a scenario that it passes; analyze_results explains this failure",
+            next_step="choose a scenario that it passes; run_planner and analyze_results explain this failure",
         )
     if not space.strata:
         raise NotPossible(

@@ -225,9 +225,21 @@ class Evaluator:
             point = self._edited((*earlier, *(edit.numbered_after(len(earlier)) for edit in edits)), whole=whole)
         except InvalidRequest as refusal:
             return refusal.message
-        if point.infeasible:
-            return f"no vehicle of its class can drive the motion of {', '.join(map(str, point.infeasible))}"
+        if infeasible := [key for key in point.infeasible if not self._is_accepted(key, edits)]:
+            return f"no vehicle of its class can drive the motion of {', '.join(map(str, infeasible))}"
         return point
+
+    def _is_accepted(self, key: int, edits: Sequence[Edit]) -> bool:
+        """Return whether a road user's infeasible motion is that of the base, which was stored with a warning."""
+        if not edits:
+            return True
+        return key in self._infeasible_in_base and not any(str(key) in edit.vehicles for edit in edits)
+
+    @cached_property
+    def _infeasible_in_base(self) -> frozenset[int]:
+        """The road users whose motion in the base is infeasible, because earlier edits prescribe it."""
+        earlier = self._setting.earlier
+        return frozenset(self._edited(earlier, whole=True).infeasible) if earlier else frozenset()
 
     def _edited(self, edits: tuple[Edit, ...], *, whole: bool) -> _Point:
         if not self._reads_file:

@@ -136,6 +136,18 @@ def test_earlier_edits_of_the_base_come_first(base: Path) -> None:
     assert later == both
 
 
+def test_an_infeasible_motion_of_the_base_is_the_planner_s_surroundings(tmp_path: Path) -> None:
+    ahead = town_road().with_vehicles(driving(31, (100, 0), 10.0, 101)).write(tmp_path / "ahead.xml")
+    abrupt = {"op": "change_lane", "vehicles": ["31"], "lane": "left", "time_s": 1.0, "lateral_s": 0.6}
+    with Evaluator(setting_of(ahead, "keep_lane")) as evaluator:
+        assert evaluator.evaluate(edits_of(abrupt)).outcome == "implausible"
+    with Evaluator(setting_of(ahead, "keep_lane", earlier=edits_of(abrupt))) as evaluator:
+        unchanged, further = evaluator.evaluate(()), evaluator.evaluate(edits_of(LEAD))
+        assert unchanged.counts_as_run
+        assert further.counts_as_run
+        assert evaluator.evaluate(edits_of({**abrupt, "lane": "right", "time_s": 3.0})).outcome == "implausible"
+
+
 def test_scripts_without_other_vehicles_move_as_among_others(tmp_path: Path) -> None:
     walker = {"op": "add_vehicle", "vehicle_class": "pedestrian", "at": "1", "position": "120m", "side": "right"}
     edits = edits_of({**walker, "speed": "1.5m/s", "when": "gap<=3s"})
