@@ -68,12 +68,16 @@ class OddShare(Model):
 
     scenarios: int = Field(0, description="scenarios")
     runs: int = Field(0, description="runs on them")
-    failed: int = Field(0, description="failed runs among these")
+    failed: int = Field(0, description="runs that did not reach their goal")
 
-    def in_words(self) -> str:
-        """Return text such as ``21 scenarios, 8 runs, 2 of them failed``."""
-        runs = f", {counted(self.runs, 'run')}, {self.failed} of them failed" if self.runs else ""
-        return f"{counted(self.scenarios, 'scenario')}{runs}"
+    def in_words(self, assumed: int = 0) -> str:
+        """Return text such as ``21 scenarios, 8 runs (2 failed)``.
+
+        ``assumed``: the number of scenarios that count only because values are not stated.
+        """
+        scenarios = counted(self.scenarios, "scenario")
+        scenarios += f" ({assumed} only because values are not stated)" if assumed else ""
+        return f"{scenarios}, {counted(self.runs, 'run')} ({self.failed} failed)" if self.runs else scenarios
 
 
 class OddCoverage(Model):
@@ -102,8 +106,7 @@ class OddCoverage(Model):
 
     def lines(self) -> Iterator[str]:
         """Yield the lines of an answer."""
-        assumed = f" ({self.assumed} of them because values are not stated)" if self.assumed else ""
-        yield f"ODD {self.name}: inside {self.inside.in_words()}{assumed}; outside {self.outside.in_words()}."
+        yield f"ODD {self.name}: inside {self.inside.in_words(self.assumed)}; outside {self.outside.in_words()}."
         yield from (f"- {concept.in_words()}" for concept in self.concepts)
         if self.pairs:
             yield f"Pairs of levels that generate_scenarios can vary: {self.covered_pairs} of {self.pairs} covered."

@@ -23,7 +23,6 @@ from ..engine.maps import countries_spelt_like, country_code, country_name, find
 from ..engine.planners import PLANNERS, planner_names
 from ..engine.tuning import tuning_of
 from ..engine.workspace import ArtifactKind, Recipe
-from ..schemas.analysis.suite import FAILED_OUTCOMES
 from ..schemas.catalog import (
     CountryMaps,
     DescribeCatalogArguments,
@@ -97,7 +96,7 @@ async def _odd_coverage(text: str, within: frozenset[str] | None, context: Workf
         entry = entry if entry in values else record.scenario_id
         if record.outcome != "invalid":
             runs[entry] += 1
-            failed[entry] += record.outcome in FAILED_OUTCOMES
+            failed[entry] += record.outcome != "goal_reached"
     entries = [
         OddEntry(scenario_id=key, values=found, runs=runs[key], failed=failed[key]) for key, found in values.items()
     ]
