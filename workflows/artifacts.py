@@ -42,7 +42,6 @@ _MOST_NAMED = 100
 _NEXT_AFTER = {
     "import": "search with find_scenarios, or list the imported files with list_artifacts",
     "exploration": "repeat the find_failures call to get its failures",
-    "study": "repeat the optimize_planner call to get the study",
     "trial": "repeat the analyze_results call to get its result",
 }
 """The next step after a job of each kind that is done."""
@@ -334,6 +333,8 @@ def _next_step(job: Job, *, is_empty_plan: bool = False) -> str:
         return "repeat the call for the reasons" if is_empty_plan else f"run_planner with scenarios ['{plan_id}']"
     if job.kind == "boundary" and job.results:
         return f"render ids ['{job.results[-1]}'], or repeat explore_boundary for the safe and unsafe shares"
+    if job.kind == "study":
+        return f"repeat the optimize_planner call with scenarios ['{job.job_id}'] to get the study"
     batches = _batches(job)
     if batches and job.kind == "batch":
         return after_batch(batches[-1], [key for key in job.recipe.parents if key.startswith("cfg_")])

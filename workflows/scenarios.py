@@ -1,7 +1,8 @@
 """Describe one scenario, and resolve the scenarios that a request refers to.
 
-A word is an id, ``ID#problem``, a search, a stage of one (``SEARCH:STAGE``), a coverage plan, or ``preset:N``. A stored
-search keeps only the counts of its stages, so the scenarios of a stage are looked up again.
+A word is an id, ``ID#problem``, a search, a stage of one (``SEARCH:STAGE``), a coverage plan, ``preset:N``, or the id
+of a job that runs planners. A stored search keeps only the counts of its stages, so the scenarios of a stage are looked
+up again.
 """
 
 import hashlib
@@ -160,6 +161,8 @@ def _resolve_word(word: str, context: WorkflowContext) -> tuple[list[ChosenScena
         return [ChosenScenario(artifact.artifact_id, problem_id) for artifact, problem_id in chosen], []
     if word.startswith("plan_"):
         return [ChosenScenario(key) for key in planned_scenarios(word, context)], []
+    if word.startswith("job_"):
+        return _scenarios_of_job(word, context), []
     artifact, problem_id = one_scenario(word, context)
     return [ChosenScenario(artifact.artifact_id, problem_id)], []
 
@@ -181,8 +184,35 @@ def planned_scenarios(word: str, context: WorkflowContext) -> tuple[str, ...]:
     return ids
 
 
+def _scenarios_of_job(word: str, context: WorkflowContext) -> list[ChosenScenario]:
+    """Return the scenarios that a batch's or a study's job began with, whatever the words of its call name now.
+
+    Raises:
+        UnknownName: there is no such job, or a scenario of it is gone.
+        InvalidRequest: the job runs no planners.
+    """
+    job = context.jobs.store.get(word)
+    if job.kind not in ("batch", "study"):
+        raise InvalidRequest(
+            f"{job.job_id} ({job.kind}) does not run planners on scenarios",
+            valid=["a job of run_planner or optimize_planner"],
+            next_step="use scenario ids, a search id or preset:10",
+        )
+    entries = (
+        one if isinstance(one, str) else "#".join(str(part) for part in one if part is not None)
+        for one in job.recipe.arguments["scenarios"]
+    )
+    chosen = [one_scenario(entry, context) for entry in entries]
+    return [ChosenScenario(artifact.artifact_id, problem_id) for artifact, problem_id in chosen]
+
+
 def _preset(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], list[str]]:
-    """Return the first N scenarios with a planning problem, in an order that looks random but never changes."""
+    """Return the first N scenarios of the catalogue with a planning problem, in an order that looks random.
+
+    The order does not change. Edited scenarios are left out, including failures that a search found and reduced,
+    because they would make the same call name other scenarios later, and count their bases twice. Generated scenarios
+    follow the others, the oldest first, so that further ones change nothing.
+    """
     number = word.removeprefix("preset:")
     if not re.fullmatch(r"\d+", number) or not 1 <= int(number) <= _LARGEST_PRESET:
         raise InvalidRequest(
@@ -191,10 +221,19 @@ def _preset(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], 
             given=word,
         )
     stored = context.workspace.newest(kind="scenario", limit=100_000)
-    runnable = [artifact.artifact_id for artifact in stored if artifact.read(ScenarioRecord).facts.egos]
-    ordered = sorted(runnable, key=lambda key: hashlib.sha256(key.encode()).hexdigest())
-    chosen = [ChosenScenario(key) for key in ordered[: int(number)]]
-    notes = [f"{word}: only {counted(len(chosen), 'scenario')} with a planning problem"]
+    brought, generated, edited = list[str](), list[str](), 0
+    for artifact in reversed(stored):
+        record = artifact.read(ScenarioRecord)
+        if not record.facts.egos:
+            continue
+        if record.origin == "modified":
+            edited += 1
+        else:
+            (generated if record.origin == "generated" else brought).append(artifact.artifact_id)
+    brought.sort(key=lambda key: hashlib.sha256(key.encode()).hexdigest())
+    chosen = [ChosenScenario(key) for key in (brought + generated)[: int(number)]]
+    left_out = f"; {counted(edited, 'edited scenario')} left out" if edited else ""
+    notes = [f"{word}: only {counted(len(chosen), 'scenario')} with a planning problem{left_out}"]
     return chosen, notes if len(chosen) < int(number) else []
 
 

@@ -185,3 +185,32 @@ async def test_a_finished_grid_is_reported_by_its_batch(call: Call) -> None:
     job = await call("get_job")
     assert job["next_step"] == f"analyze_results or compare_results with results ['{grid['batch_id']}']"
     assert job["results"][-1] == grid["batch_id"]
+
+
+async def test_a_sample_of_the_catalogue_is_the_same_after_edits(call: Call) -> None:
+    before = await call("run_planner", scenarios=["preset:2"], configs=["idm"], wait_s=50)
+    for vehicles in (["all"], ["31"]):
+        edits = [{"op": "remove_vehicle", "vehicles": vehicles}]
+        await call("modify_scenario", scenario_id="ZAM_Builder-1_1_T-1", edits=edits)
+    after = await call("run_planner", scenarios=["preset:2"], configs=["idm"], wait_s=50)
+    assert (after["batch_id"], after["reused"]) == (before["batch_id"], 2)
+    larger = await call("run_planner", scenarios=["preset:10"], configs=["idm"], wait_s=50)
+    assert larger["batch_id"] == before["batch_id"]
+    assert "left out" in larger["notes"][0]
+
+
+async def test_the_study_of_a_job_is_found_although_the_sample_has_changed(call: Call, tmp_path: Path) -> None:
+    wish = {"base": "idm", "vary": ["time_headway_s"], "max_trials": 2}
+    started = await call("optimize_planner", scenarios=["preset:10"], **wish, wait_s=0)
+    job = await call("get_job", job_id=started["job_id"], wait_s=50)
+    assert job["state"] == "done"
+    (tmp_path / "more").mkdir()
+    replace(town_road(), benchmark_id="ZAM_Builder-3_1_T-1").write(tmp_path / "more" / "three.xml")
+    assert (await call("import_files", path=str(tmp_path / "more")))["added"] == 1
+    named = f"scenarios ['{started['job_id']}']"
+    assert named in started["next_step"]
+    assert named in job["next_step"]
+    study = await call("optimize_planner", scenarios=[started["job_id"]], **wish, wait_s=0)
+    assert (study["state"], study["study"]["study_id"]) == ("done", job["results"][-1])
+    again = await call("optimize_planner", scenarios=["preset:10"], **wish, wait_s=50)
+    assert again["study"]["study_id"] != study["study"]["study_id"]

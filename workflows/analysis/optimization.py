@@ -528,7 +528,8 @@ async def optimize_planner(arguments: OptimizePlannerArguments, context: Workflo
         job_id=job.job_id,
         best_so_far=best[-1] if best else None,
         message=job.error or job.message,
-        next_step=f"get_job with job_id '{job.job_id}', then repeat optimize_planner: finished runs are kept",
+        next_step=f"get_job with job_id '{job.job_id}', then repeat optimize_planner with scenarios ['{job.job_id}']: "
+        "finished runs are kept",
     )
 
 
