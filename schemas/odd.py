@@ -40,7 +40,7 @@ class OddLevel(Model):
     is_inside: bool = Field(description="whether the ODD allows it")
     scenarios: int = Field(0, description="scenarios with this value")
     runs: int = Field(0, description="runs on them")
-    failed: int = Field(0, description="failed runs among these")
+    failed: int = Field(0, description="runs among these that did not reach the goal")
 
     def in_words(self) -> str:
         """Return text such as ``roundabout 4 (2 of 8 runs failed)``."""
@@ -68,7 +68,7 @@ class OddShare(Model):
 
     scenarios: int = Field(0, description="scenarios")
     runs: int = Field(0, description="runs on them")
-    failed: int = Field(0, description="runs that did not reach their goal")
+    failed: int = Field(0, description="runs among these that did not reach the goal")
 
     def in_words(self, assumed: int = 0) -> str:
         """Return text such as ``21 scenarios, 8 runs (2 failed)``.
