@@ -439,7 +439,8 @@ class ModifyScenarioResult(Result):
         sentences = self._shortened([edit.what for edit in self.edits[:most]], _EDITS_CHARACTERS)
         for edit, what in zip(self.edits, sentences, strict=False):
             number = f"{edit.index} " if len(self.edits) > 1 else ""
-            verdict = f", {edit.verdict}" if edit.verdict != "done" else ""
+            # What was not done, or not by all, must not read as if it had happened.
+            verdict = f", {edit.verdict}; requested" if edit.verdict != "done" else ""
             selected = f" ({edit.meant})" if edit.meant else ""
             yield f"{number}{edit.op}{verdict}: {what}{selected}"
             routes = [route for route in edit.routes if route.arrives is not None or self.detail == "checks"]

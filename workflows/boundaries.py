@@ -324,7 +324,8 @@ def _range_of(parameter: Parameter) -> str:
 def _check_names(over: Sequence[str], logical: str, names: Sequence[str]) -> None:
     """Refuse unknown parameters, all together.
 
-    A similar parameter in another unit is proposed without the values, which would mean something else there.
+    A similar parameter is proposed without the values if they are no numbers, or in another unit, so that they would
+    mean something else there.
     """
     given, faults = {text: text.partition("=")[0].strip() for text in over}, Faults()
     taken = set(given.values())
@@ -334,11 +335,22 @@ def _check_names(over: Sequence[str], logical: str, names: Sequence[str]) -> Non
         others = closest(name, [one for one in names if one not in taken])
         taken |= set(others[:1])
         unit = name.lower().rpartition("_")[2]
-        keeps = {one: one.rpartition("_")[2] == unit or not is_unit(unit) for one in others}
+        numeric = _is_numeric(text.partition("=")[2])
+        keeps = {one: numeric and (one.rpartition("_")[2] == unit or not is_unit(unit)) for one in others}
         remedies = [instead(name, one) if keeps[one] else instead(text, one) for one in others]
         with faults.collecting():
             raise UnknownName(f"{logical} has no parameter '{name}'", valid=names, remedies=remedies)
     faults.raise_all()
+
+
+def _is_numeric(values: str) -> bool:
+    """Return True if a text is a range or a list of numbers, as a parameter has them; also if it is empty."""
+    try:
+        for value in filter(None, map(str.strip, values.split(","))):
+            parse_interval(value)
+    except InvalidRequest:
+        return False
+    return True
 
 
 async def _base(text: str, context: WorkflowContext) -> tuple[Artifact, int | None]:

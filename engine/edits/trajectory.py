@@ -104,7 +104,7 @@ def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         aims[vehicle_id] = (frozenset({*adjacent, *adjacent_lanes(scene, plan.lanelets, edit.lane)}),)
     when = "" if edit.time_s is None else f" from {edit.time_s:g} s"
     return EditStep(
-        changes, vehicles, f"{named_vehicles(vehicles)} moved one lane to the {edit.lane}{when}", aims=aims, since=since
+        changes, vehicles, f"{named_vehicles(vehicles)} sent one lane to the {edit.lane}{when}", aims=aims, since=since
     )
 
 

@@ -63,7 +63,9 @@ def changed_configuration(
             start = base.model_copy(update={"weights": dict(chosen.weights), "preset": chosen.name})
     with faults.collecting():
         values, elsewhere = start.weights | start.external_weights, _names_elsewhere()
-        changed = apply_assignments(values, changes, limits=tuning.limits, owner=base.planner, elsewhere=elsewhere)
+        changed = apply_assignments(
+            values, changes, limits=tuning.limits, owner=base.planner, elsewhere=elsewhere, idle=tuning.external
+        )
     with faults.collecting():
         after, setting_notes = changed_settings(base.settings, settings)
     faults.raise_all()

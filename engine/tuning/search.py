@@ -115,7 +115,7 @@ def _dimension(planner: str, text: str) -> Dimension:
     if name in tuning.weights or name in tuning.external:
         return _weight(planner, name, given)
     if name not in settings:
-        known = [*tuning.weights, *tuning.external, *settings]
+        known = [*tuning.weights, *settings]
         raise UnknownName(f"{planner} has no weight or setting {quoted(name)}", valid=closest(name, known)).also(_USUAL)
     setting = settings[name]
     low, high = given or (setting.lowest, setting.highest)

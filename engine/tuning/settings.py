@@ -5,7 +5,7 @@ An assignment has the form ``jerk=0.5``, ``jerk*2``, ``jerk+0.1`` or ``jerk=late
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest, instead, misspelt_names
@@ -31,11 +31,14 @@ def apply_assignments(
     kind: str = "cost weight",
     owner: str = "",
     elsewhere: Mapping[str, str] | None = None,
+    idle: Collection[str] = (),
 ) -> _ChangedValues:
     """Return the weights (or settings) after all changes, in order; apply no change if one is refused.
 
     ``jerk=lateral_jerk`` copies the other weight's value at that point. ``limits``: ranges of single names, otherwise 0
-    to 1e6; ``elsewhere``: maps names that do not belong to the ``owner`` to an explanation.
+    to 1e6; ``elsewhere``: maps names that do not belong to the ``owner`` to an explanation;
+    ``idle``: names whose values are kept, but have no effect. A refusal offers one only for its misspelling.
+    ``idle``: names whose values are kept, but have no effect; a refusal lists them only if they may be meant.
 
     Raises:
         UnknownName: A weight does not exist; the error lists the nearest names.
@@ -49,7 +52,7 @@ def apply_assignments(
             if text.strip() in result:
                 raise _without_value(text.strip(), result[text.strip()], limits)
             change = _parse(text, result, limits)
-            name = _known(change.name, result, kind, owner, elsewhere)
+            name = _known(change.name, result, kind, owner, elsewhere, idle)
             before = result[name]
             if change.copied_from is not None:
                 after = result[_copied(name, change.copied_from, text, result, limits)]
@@ -137,19 +140,22 @@ def _copied(
     return folded
 
 
-def _known(name: str, values: Mapping[str, float], kind: str, owner: str, elsewhere: Mapping[str, str]) -> str:
+def _known(
+    name: str, values: Mapping[str, float], kind: str, owner: str, elsewhere: Mapping[str, str], idle: Collection[str]
+) -> str:
     folded = name if name in values else name.lower()
     if folded in values:
         return folded
+    acting = [other for other in values if other not in idle]
     if folded in elsewhere:
         raise UnknownName(
             f"{owner} has no {kind} '{folded}'; {elsewhere[folded]}",
-            valid=list(values),
+            valid=acting,
             next_step="use one of these names" if values else "change its settings instead",
         )
     raise UnknownName(
         f"there is no {kind} '{name}'",
-        valid=closest(name, values) or list(values),
+        valid=[*misspelt_names(name, idle), *(closest(name, acting) or acting)],
         next_step=f"call list_planners for all {kind}s",
     )
 

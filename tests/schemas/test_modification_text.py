@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import pytest
+
 from plannerforge.schemas.modification import (
     EditCollision,
     EditReport,
@@ -114,6 +116,15 @@ def test_an_edit_that_misses_its_value_is_not_called_done_and_gives_the_next_ste
     assert "  31: target not reached: the scenario ends at 10.0 s (lanelets 1 → 11)" in told
     assert told.endswith("Next: send 31 to lanelet 11, which it reaches")
     assert "done" not in told
+
+
+@pytest.mark.parametrize("done", [True, False])
+def test_an_edit_that_was_not_done_by_all_states_what_was_requested_instead_of_what_happened(*, done: bool) -> None:
+    partly = edit(0, route(1, 4, arrives=True), route(2, 5, arrives=False), done=done)
+    assert partly.verdict != "done"
+    for told in (text(edits=(partly,)), text(edits=(partly, edit(1)))):
+        assert f"set_behaviour, {partly.verdict}; requested: tau=1.5 for all" in told
+    assert "requested" not in text(edits=(edit(0),))
 
 
 def test_the_headline_of_several_edits_counts_their_results() -> None:

@@ -243,6 +243,19 @@ async def test_a_value_in_another_unit_is_not_carried_over_to_another_parameter(
 
 
 @pytest.mark.anyio
+@pytest.mark.parametrize("over", ["colour=red", "gap=near", "speed_mps=fast..slow", "gap_m2=3m..red"])
+async def test_values_that_no_parameter_can_have_are_not_carried_over_to_another_one(
+    over: str, context: WorkflowContext
+) -> None:
+    with pytest.raises(UnknownName) as refused:
+        await boundaries._plan(ExploreBoundaryArguments(**{**SMALL, "over": [over]}), context)
+    proposed = [new for remedy in refused.value.remedies for change in remedy.changes for new in change.words.values()]
+    assert proposed
+    assert not any("=" in new for new in proposed)
+    assert all(over in change.words for remedy in refused.value.remedies for change in remedy.changes)
+
+
+@pytest.mark.anyio
 @pytest.mark.parametrize(
     "over",
     [["headway_s=0.4..900"], ["deceleration_mps2=2..80"], ["ego_speed_mps=400", "headway_s", "deceleration_mps2"]],

@@ -105,6 +105,18 @@ def test_weights_of_the_other_planner_and_settings_among_weights_are_named() -> 
     assert set(caught.value.valid) == {"Default", "Cautious", "Sporty"}
 
 
+def test_weights_without_effect_are_offered_only_for_their_misspellings() -> None:
+    external = set(base().external_weights)
+    for text in ("politeness=3", "time_headway_s=1"):
+        with pytest.raises(UnknownName) as refusal:
+            changed_configuration(base(), None, [text])
+        assert set(refusal.value.valid) == set(base().weights)
+        assert not external & set(refusal.value.valid)
+    with pytest.raises(UnknownName) as misspelling:
+        changed_configuration(base(), None, ["occ_vee=1"])
+    assert misspelling.value.valid[0] in external
+
+
 def test_a_word_for_a_setting_is_answered_with_its_range_alone() -> None:
     with pytest.raises(UnknownName) as refusal:
         changed("vehicle=bmw")
