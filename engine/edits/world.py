@@ -45,6 +45,10 @@ _COLOURS = {
     "off": "inactive",
     "inactive": "inactive",
 }
+_THEN = {"red": "green", "yellow": "red", "redYellow": "green", "green": "red"}
+"""The colour that follows a light's only colour, as in the usual cycle; a light that is off stays off."""
+_HELD_S = 3600.0
+"""How long that colour lasts: beyond the end of every scenario and run (chosen)."""
 _VALID_FRICTIONS = [f"friction={LEAST_FRICTION:g} to {MOST_FRICTION:g}", f"friction={'|'.join(ROAD_FRICTIONS)}"]
 _MOVES_PLACES_OR_TIMES: tuple[EditOperation, ...] = ("crop", "mirror")
 _MOVING = ("dynamicObstacle", "obstacle")
@@ -434,6 +438,11 @@ def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
             next_step="give both",
             remedies=[with_values(params=["red=10", "green=20"])] if lanelets else [LANELETS_LISTED],
         )
+    then = _THEN.get(phases[0][1]) if len({colour for _, colour in phases}) == 1 else None
+    first_s = sum(steps for steps, _ in phases) * scene.step_s
+    if then is not None:
+        # A cycle of one colour would never change, so its duration would mean nothing.
+        phases.append((round(_HELD_S / scene.step_s), then))
     by_id = {one.get("id"): one for one in root.iterchildren("lanelet")}
     lights = {one.get("id"): one for one in root.iterchildren("trafficLight")}
     changed, lit_now = [], []
@@ -457,14 +466,16 @@ def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
     are = "lanelet {} is" if len(inside) == 1 else "lanelets {} are"
     why = are.format(listed(tuple(inside))) + " inside a junction, so vehicles stop at its entry"
     there = f"; {why}" if inside else ""
+    end_s = scene.last_step * scene.step_s
+    ends = f"; the scenario ends earlier, at {end_s:g} s" if first_s >= end_s else ""
     shown = sorted(set(changed))
     who = f"light {shown[0]} repeats" if len(shown) == 1 else f"lights {', '.join(map(str, shown))} repeat"
+    if then is not None:
+        who = f"light {shown[0]} is" if len(shown) == 1 else f"lights {', '.join(map(str, shown))} are"
+        return f"{new}{who} {phases[0][1]} for {first_s:g} s from 0 s on, then {then}{ends}{there}"
     if len({colour for _, colour in phases}) == 1:
         who = f"light {shown[0]} is" if len(shown) == 1 else f"lights {', '.join(map(str, shown))} are"
-        return (
-            f"{new}{who} {phases[0][1]} throughout, because the cycle has no other colour; add a phase such as "
-            f"{'red' if phases[0][1] == 'green' else 'green'}=20 to change it{there}"
-        )
+        return f"{new}{who} {phases[0][1]} throughout{there}"
     return f"{new}{who} this cycle from 0 s on: {cycle}{there}"
 
 

@@ -71,6 +71,25 @@ def test_a_light_gets_other_phases_and_a_vehicle_at_red_stops(apply: Apply) -> N
     assert applied.outcome.handed_over == (35,)
 
 
+@pytest.mark.parametrize(
+    ("phases", "second", "third"),
+    [
+        (["red=2s"], "red", "green"),
+        (["red=1", "red=1"], "red", "green"),
+        (["green=2"], "green", "red"),
+        (["yellow=2"], "yellow", "red"),
+        (["off=2"], "inactive", "inactive"),
+    ],
+)
+def test_a_single_colour_lasts_as_long_as_stated_and_then_changes_once(
+    apply: Apply, phases: list[str], second: str, third: str
+) -> None:
+    applied = apply({"op": "set_light", "to": ["1"], "params": phases}, builder=town_road())
+    (light,) = read_scenario(applied.xml).scenario.lanelet_network.traffic_lights
+    states = [light.get_state_at_time_step(step).value for step in range(1_000)]
+    assert states == [second] * 20 + [third] * 980
+
+
 def test_vehicles_stop_at_the_entry_of_a_junction_for_a_light_inside_it(apply: Apply) -> None:
     coming = crossing().with_vehicles(driving(35, (-55, 0), 8.0, 101))
     applied = apply({"op": "set_light", "to": ["2"], "params": ["red=60", "green=20"]}, builder=coming)
