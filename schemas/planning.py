@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, StringConstraints, field_validator, model_validator
 
 from .base import Answer, Arguments, Model, Result
-from .reviews import RunReview
+from .reviews import RuleVerdict, RunReview, broken_in_words
 from .runs import (
     Bounded,
     BoundedCost,
@@ -364,6 +364,9 @@ class RunLine(Model):
     )
     config_name: str = ""
     review: RunReview | None = Field(None, description="for a single run and for listed failures")
+    broken_rules: tuple[RuleVerdict, ...] = Field(
+        (), exclude_if=lambda rules: not rules, description="for a single run: the traffic rules that it broke"
+    )
 
     def in_words(self, modes: str = "") -> str:
         """Return the run, scenario, configuration and ``modes`` (unusual conditions), and how it ended."""
@@ -380,6 +383,10 @@ class ConfigurationSummary(Model):
     config_id: str
     config_name: str
     outcomes: dict[Outcome, int] = Field(description="finished runs by outcome")
+
+
+_SHOWN_RULES = 3
+"""The number of broken traffic rules that the answer to a single run states (chosen)."""
 
 
 class RunPlannerResult(Result):
@@ -415,7 +422,14 @@ class RunPlannerResult(Result):
             for cell in self.lost
         ]
         if self.total == 1 and self.runs:
-            return Answer(self._single(), figures=self._moments(), listed=self._noted(), next_step=self.next_step)
+            broken = broken_in_words(self.runs[0].broken_rules, _SHOWN_RULES, "analyze_results with detail=rules")
+            return Answer(
+                self._single(),
+                figures=self._moments(),
+                listed=self._noted(),
+                warnings=[broken] if broken else [],
+                next_step=self.next_step,
+            )
         before = f", {self.reused} already stored" if self.reused else ""
         name = self.batch_id or (f"{self.job_id} ({self.state})" if self.job_id else "")
         head = f"{f'{name}: ' if name else ''}{self.finished} of {self.total} runs finished{before}{self._modes()}."

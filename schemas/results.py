@@ -16,6 +16,7 @@ from .reviews import (
     OwnFault,
     RuleVerdict,
     RunReview,
+    broken_in_words,
     kind_in_words,
 )
 from .runs import (
@@ -574,10 +575,8 @@ def _one_run(result: AnalyzeResultsResult) -> Answer:
         over = "; ".join(excesses) + (f"; {more} more" if more > 0 else "")
         warnings.append(f"reached the goal, but beyond comfort limits: {over}.")
     if result.detail == "summary":
-        broken = [verdict for verdict in result.rules if verdict.violated]
-        words = "; ".join(verdict.in_words() for verdict in broken[:_SHOWN_RULES])
-        rest = f"; {len(broken) - _SHOWN_RULES} more: detail=rules" if len(broken) > _SHOWN_RULES else ""
-        warnings += [f"traffic rules broken: {words}{rest}."] if broken else []
+        broken = broken_in_words(result.rules, _SHOWN_RULES, "detail=rules")
+        warnings += [broken] if broken else []
     figures += [f"{one.in_words()}." for one in row.triggers[:_SHOWN_TRIGGERS]]
     if row.beyond_vehicle:
         warnings.append(f"{excesses_in_words(row.beyond_vehicle)}.")

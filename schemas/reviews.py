@@ -631,6 +631,15 @@ class RuleVerdict(Model):
         return f"{self.rule} ({self.name}) by {measured(self.degree)} {self.unit} at {self.time_s:.1f} s{details}"
 
 
+def broken_in_words(verdicts: Sequence[RuleVerdict], shown: int, where: str) -> str:
+    """Return a sentence on the broken rules of a run, with ``where`` to read about the rest; empty if it kept all."""
+    broken = [verdict for verdict in verdicts if verdict.violated]
+    if not broken:
+        return ""
+    rest = f"; {len(broken) - shown} more: {where}" if len(broken) > shown else ""
+    return f"traffic rules broken: {'; '.join(verdict.in_words() for verdict in broken[:shown])}{rest}."
+
+
 class RunLook(Model):
     """The stored review of a run, computed from its steps and its scenario.
 
@@ -653,6 +662,7 @@ class LooksResponse(Model):
 
 
 class ReviewResponse(Model):
-    """The key moments of each run, in the order of the request."""
+    """The key moments of each run, in the order of the request; ``broken``: the traffic rules that it broke, by id."""
 
     reviews: tuple[RunReview, ...]
+    broken: dict[str, tuple[RuleVerdict, ...]] = Field(default_factory=dict)

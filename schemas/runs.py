@@ -387,10 +387,11 @@ def is_worth_a_look(record: RunRecord) -> bool:
 
 
 class ReviewRequest(Model):
-    """The runs to review, and the files of their scenarios."""
+    """The runs to review, and the files of their scenarios; ``with_rules``: also judge them by the traffic rules."""
 
     runs: tuple[RunSource, ...]
     scenarios: tuple[ScenarioSource, ...]
+    with_rules: bool = False
 
 
 class LostCell(Model):

@@ -30,7 +30,7 @@ from ..schemas.planning import (
     RunRequest,
     RunResponse,
 )
-from ..schemas.reviews import RunReview
+from ..schemas.reviews import RuleVerdict, RunReview
 from ..schemas.runs import (
     BatchRecord,
     LostCell,
@@ -408,15 +408,17 @@ async def answer_of(
     records = [result.record for result in results if result.record is not None]
     looked_at = records if len(cells) == 1 else _failures(records)[:LISTED_FAILURES]
     reviews: dict[str, RunReview] = {}
+    broken: dict[str, tuple[RuleVerdict, ...]] = {}
     if looked_at:
         request = ReviewRequest(
             runs=run_sources((record.run_id for record in looked_at), context),
             scenarios=scenario_sources((record.scenario_id for record in looked_at), context),
+            with_rules=len(cells) == 1,
         )
         response = await context.services.workers.run(REVIEW_RUNS, request)
-        reviews = {review.run_id: review for review in response.reviews}
+        reviews, broken = {review.run_id: review for review in response.reviews}, response.broken
     notice = "" if all(result.reused for result in results) else context.services.workers.notice
-    return answer(cells, results, batch_id=batch_id, notes=notes, reviews=reviews, notice=notice)
+    return answer(cells, results, batch_id=batch_id, notes=notes, reviews=reviews, broken=broken, notice=notice)
 
 
 def _failures(records: Sequence[RunRecord]) -> list[RunRecord]:
@@ -432,6 +434,7 @@ def answer(
     state: JobState = "done",
     notes: Sequence[str] = (),
     reviews: Mapping[str, RunReview] = MappingProxyType({}),
+    broken: Mapping[str, tuple[RuleVerdict, ...]] = MappingProxyType({}),
     notice: str = "",
 ) -> RunPlannerResult:
     """Return the answer for a grid; ``results`` are the finished runs."""
@@ -448,7 +451,7 @@ def answer(
         batch_id=batch_id,
         job_id=job_id,
         summary=_summary(records),
-        runs=tuple(_line(record, reviews) for record in records[:LISTED_RUNS]),
+        runs=tuple(_line(record, reviews, broken) for record in records[:LISTED_RUNS]),
         failures=tuple(_line(record, reviews) for record in _failures(records)[:LISTED_FAILURES]),
         lost=tuple(lost[:10]),
         notes=(*notes, *_notes(records), *([notice] if notice else [])),
@@ -512,7 +515,11 @@ def _summary(records: Sequence[RunRecord]) -> tuple[ConfigurationSummary, ...]:
     )
 
 
-def _line(record: RunRecord, reviews: Mapping[str, RunReview]) -> RunLine:
+def _line(
+    record: RunRecord,
+    reviews: Mapping[str, RunReview],
+    broken: Mapping[str, tuple[RuleVerdict, ...]] = MappingProxyType({}),
+) -> RunLine:
     return RunLine(
         run_id=record.run_id,
         scenario_id=record.scenario_id,
@@ -524,6 +531,7 @@ def _line(record: RunRecord, reviews: Mapping[str, RunReview]) -> RunLine:
         minimum_distance_m=None if record.metrics is None else record.metrics.minimum_distance_m,
         config_name=shown_name(record.config_name),
         review=reviews.get(record.run_id),
+        broken_rules=broken.get(record.run_id, ()),
     )
 
 

@@ -78,13 +78,15 @@ AGREES_M = 1e-3
 
 
 def review_runs(request: ReviewRequest, report: ProgressReporter) -> ReviewResponse:
-    """Return the decisive moments of each run."""
+    """Return the decisive moments of each run and, if requested, the traffic rules that it broke."""
     runs = RunSet(request.runs, scenarios=request.scenarios)
-    reviews = []
+    reviews, broken = [], {}
     for number, record in enumerate(runs.records):
         reviews.append(review(runs, record))
+        if request.with_rules:
+            broken[record.run_id] = tuple(one for one in rule_verdicts(runs, record) if one.violated)
         report((number + 1) / len(runs.records), record.run_id)
-    return ReviewResponse(reviews=tuple(reviews))
+    return ReviewResponse(reviews=tuple(reviews), broken=broken)
 
 
 def review(runs: RunSet, record: RunRecord) -> RunReview:

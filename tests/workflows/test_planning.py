@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from mcp import Client
-from support.builders import Problem, town_road
+from support.builders import Lane, Problem, ScenarioBuilder, line, town_road
 
 from plannerforge.engine.planners import PLANNERS
 from plannerforge.engine.tuning import tuning_of
@@ -52,6 +52,30 @@ async def test_available_settings(call: Call) -> None:
     assert found["config_id"] == made["config_id"]
     assert {item["name"]: item["value"] for item in found["weights"]}["jerk"] == 0.3
     assert [entry["config_id"] for entry in found["configurations"]] == [made["config_id"]]
+
+
+async def test_the_answer_to_one_run_says_that_the_ego_ran_a_red_light(
+    settings: Settings, warm_workers: None, tmp_path: Path
+) -> None:
+    lanes = (
+        Lane(1, line((0.0, 0.0), (50.0, 0.0)), successors=(2,)),
+        Lane(2, line((50.0, 0.0), (150.0, 0.0)), predecessors=(1,)),
+    )
+    path = ScenarioBuilder(lanes, problems=(Problem(goal=(75.0, 0.0, 8.0, 3.0), steps=(30, 80)),)).write(
+        tmp_path / "one.xml"
+    )
+    async with Client(create_server(settings.model_copy(update={"starter": False}), start_folder=tmp_path)) as client:
+        await client.call_tool("import_files", {"path": str(path)})
+        broken = {}
+        for colour in ("red", "green"):
+            edit = {"op": "set_light", "to": ["1"], "params": [f"{colour}=100"]}
+            await client.call_tool("modify_scenario", {"scenario_id": "ZAM_Builder-1_1_T-1", "edits": [edit]})
+            for _ in range(2):  # a stored run says it too
+                result = await client.call_tool("run_planner", {"scenarios": ["latest"], "configs": ["idm"]})
+                (run,) = result.structured_content["runs"]  # type: ignore[index]
+                assert run["outcome"] == "goal_reached"
+                broken.setdefault(colour, []).append([rule["rule"] for rule in run.get("broken_rules", ())])
+        assert broken == {"red": [["R_IN2"]] * 2, "green": [[]] * 2}
 
 
 async def test_full_disk_while_a_configuration_is_written_is_named(call: Call, monkeypatch: pytest.MonkeyPatch) -> None:

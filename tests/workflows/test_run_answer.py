@@ -3,7 +3,7 @@
 from support.runs import record
 
 from plannerforge.engine.tuning.configurations import named_configuration
-from plannerforge.schemas.reviews import Contact, Encounter, LargestMotion, RunReview
+from plannerforge.schemas.reviews import Contact, Encounter, LargestMotion, RuleVerdict, RunReview
 from plannerforge.schemas.runs import Outcome, RunRecord
 from plannerforge.workflows.runs import Cell, CellResult, answer
 
@@ -46,6 +46,16 @@ def test_one_run_is_reported_with_its_ending_its_closest_moment_and_links() -> N
     reviews = {calm.run_id: RunReview(run_id=calm.run_id, closest=near, largest=(motion,))}
     said = answer(cells_of([calm]), [CellResult(calm)], reviews=reviews).to_text()
     assert "Closest: 2.00 m to bus 3 oncoming on the left at 1.0 s (ego 8.0, other 7.0 m/s)" in said
+
+
+def test_one_run_states_the_traffic_rules_that_it_broke() -> None:
+    run = record()
+    light = RuleVerdict(rule="R_IN2", name="red light", unit="m", robustness=-3.0, time_s=4.0, first_s=3.0)
+    (one,) = answer(cells_of([run]), [CellResult(run)], broken={run.run_id: (light,)}).runs
+    assert one.broken_rules == (light,)
+    said = answer(cells_of([run]), [CellResult(run)], broken={run.run_id: (light,)}).to_text()
+    assert light.in_words() in said
+    assert "rules" not in answer(cells_of([run]), [CellResult(run)], broken={run.run_id: ()}).to_text()
 
 
 def test_a_grid_is_reported_with_rates_and_then_failures_only() -> None:
