@@ -338,9 +338,9 @@ TrivialKind = Literal["at_the_start", "standing", "by_time_alone"]
 """Why a goal required no driving: the first step already met it; the ego stood still; the goal has no position."""
 _TRIVIAL_WORDS: Mapping[TrivialKind, str] = MappingProxyType(
     {
-        "at_the_start": "the start already met it",
+        "at_the_start": "the start already met the goal",
         "standing": "the ego stood still",
-        "by_time_alone": "it sets only a time",
+        "by_time_alone": "only a time is set",
     }
 )
 

@@ -18,7 +18,7 @@ from ...schemas.results import AnalyzeResultsResult, CollisionCauses, Group, Rat
 from ...schemas.reviews import CollisionCause, kind_in_words
 from ...schemas.runs import BatchRecord, RunRecord, ending, excesses_in_words
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
-from ...schemas.text import REFERENCE_DRIVERS_DO, shown_name
+from ...schemas.text import REFERENCE_DRIVERS_DO, counted, shown_name
 from ..execution import ProgressReporter
 from ..workspace import Recipe, write_whole
 from .words import words_used
@@ -89,7 +89,7 @@ def _configuration_rows(result: AnalyzeResultsResult) -> Iterable[tuple[str, str
             yield f"Goals reached without driving{of}", own.trivial.in_words()
         if own.beyond_vehicle is not None:
             yield f"Motions beyond the vehicle's limits{of}", own.beyond_vehicle.in_words()
-        yield f"Who caused the collisions{of}", _describe_causes(own.causes)
+        yield f"Who caused the collisions{of}", causes_in_words(own.causes)
         if own.causes is not None and own.causes.laid_to:
             yield f"Attributed causes of the collisions{of}", _describe_attribution(own.causes)
 
@@ -141,7 +141,7 @@ def _by_any_motion(result: AnalyzeResultsResult) -> str:
     return "" if rate is None else f" By the paper's rule, which accepts any motion: {_reached(rate)}."
 
 
-def _describe_causes(causes: CollisionCauses | None) -> str:
+def causes_in_words(causes: CollisionCauses | None) -> str:
     """Return a sentence on who caused the collisions, according to the reference drivers."""
     if causes is None:
         return "There was no collision with a known course."
@@ -157,15 +157,22 @@ def _describe_causes(causes: CollisionCauses | None) -> str:
     sample = f"; a random {causes.looked_at} of them were judged" if causes.is_sample else ""
     own = causes.laid_to.get("ego", 0)
     prevented = sum(one.preventable is True and one.laid_to != "ego" for one in causes.evidence)
-    made = f"The ego alone caused {own}. " if own else ""
-    learn = ", so the planner could have avoided these" if prevented else ""
+    made = f" The ego alone caused {own}." if own else ""
+    learn = f", so the planner could have avoided {'it' if prevented == 1 else 'these'}" if prevented else ""
     left = causes.success_without
-    without = f" Without these runs {_reached(left)} reached the goal." if none and left is not None else ""
-    return (
-        f"{causes.collisions} collisions{edge} ({kinds}{sample}). A reference driver in the ego's place prevents "
-        f"{prevented} of {causes.judged} judged collisions{learn}. {made}"
-        f"No reference driver prevents the other {none} ({REFERENCE_DRIVERS_DO}){others}{recorded}.{without}"
+    runs = "this run" if none == 1 else "these runs"
+    without = f" Without {runs}, {_reached(left)} reached the goal." if none and left is not None else ""
+    rest = f"the other {none}" if none < causes.judged else "it" if none == 1 else f"these {none}"
+    unpreventable = (
+        f" No reference driver prevents {rest} ({REFERENCE_DRIVERS_DO}){others}{recorded}.{without}" if none else ""
     )
+    judged = (
+        f" A reference driver in the ego's place prevents {prevented} of {counted(causes.judged, 'judged collision')}"
+        f"{learn}."
+        if causes.judged
+        else ""
+    )
+    return f"{counted(causes.collisions, 'collision')}{edge} ({kinds}{sample}).{judged}{made}{unpreventable}"
 
 
 def _describe_attribution(causes: CollisionCauses) -> str:

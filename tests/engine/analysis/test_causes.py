@@ -176,7 +176,8 @@ def test_goals_that_ask_for_no_driving_are_counted_apart(tmp_path: Path) -> None
     assert found.success_without is not None
     assert (found.success_without.count, found.success_without.of) == (1, 2)
     assert found.in_words().startswith(
-        "3 goals required no driving (the start already met it: 1, it sets only a time: 1, the ego stood still: 1); "
+        "3 goals required no driving "
+        "(the start already met the goal: 1, only a time is set: 1, the ego stood still: 1); "
         "without these runs, goal 1/2"
     )
 

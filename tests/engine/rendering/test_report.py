@@ -10,12 +10,18 @@ from support.runs import DEFAULT, SAFE, record, source
 
 from plannerforge.engine.analysis.summary import analyse
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.rendering.reports import overview_section, rules_section, run_section, write_report
+from plannerforge.engine.rendering.reports import (
+    causes_in_words,
+    overview_section,
+    rules_section,
+    run_section,
+    write_report,
+)
 from plannerforge.engine.rendering.words import DEFINED, words_used
 from plannerforge.schemas.errors import ResourceFailure, UnsafeInput
 from plannerforge.schemas.measures import MEASURES, MeasuredValue
 from plannerforge.schemas.rendering import ReportImage, ReportRequest, ReportSection, ReportTable
-from plannerforge.schemas.results import AnalyseRequest, Rate, RuleShare
+from plannerforge.schemas.results import AnalyseRequest, CauseMoment, CollisionCauses, Rate, RuleShare
 from plannerforge.schemas.reviews import ContactKind, RuleVerdict
 from plannerforge.schemas.runs import BatchRecord, Outcome, Prediction, Traffic
 
@@ -122,6 +128,44 @@ def test_the_overview_states_the_test_the_result_and_the_next_step() -> None:
     assert said["Next step"]
     rows = {row[0]: row[1:] for row in section.tables[1].rows}
     assert [(row[0], row[1], row[4]) for row in rows.values()] == [("7", "6 (86%)", "1"), ("8", "8 (100%)", "0")]
+
+
+@pytest.mark.parametrize("collisions", [1, 2])
+@pytest.mark.parametrize("prevented", [0, 1, 2])
+def test_causes_of_collisions_agree_in_number_and_leave_out_what_did_not_happen(
+    collisions: int, prevented: int
+) -> None:
+    prevented = min(prevented, collisions)
+    evidence = tuple(
+        CauseMoment(
+            run_id=f"run_{number}",
+            time_s=1.0,
+            kind="rear_end_by_ego",
+            laid_to="planning",
+            preventable=number < prevented,
+        )
+        for number in range(collisions)
+    )
+    causes = CollisionCauses(
+        collisions=collisions,
+        looked_at=collisions,
+        judged=collisions,
+        kinds={"rear_end_by_ego": collisions},
+        not_preventable=tuple(one.run_id for one in evidence if not one.preventable),
+        unpreventable_share=Rate(count=collisions - prevented, of=collisions, share=None, low=None, high=None),
+        from_behind=0,
+        recorded_traffic=True,
+        success_without=None,
+        laid_to={"planning": collisions},
+        evidence=evidence,
+    )
+    said = causes_in_words(causes)
+    assert said.startswith(f"{collisions} collision{'s' * (collisions > 1)} (")
+    assert f"{collisions} judged collision{'s' * (collisions > 1)}" in said
+    assert ("No reference driver" in said) == (prevented < collisions)
+    assert "other 0" not in said
+    assert ("the other" in said) == (0 < prevented < collisions)
+    assert "  " not in said
 
 
 def test_a_run_in_detail_states_its_ending_and_its_broken_rules() -> None:
