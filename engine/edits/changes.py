@@ -28,7 +28,10 @@ MOST_NAMED = 8
 
 @dataclass(frozen=True)
 class GoalChange:
-    """A goal region: a rectangle (length, width) around a centre (2,) on a lanelet; None leaves an interval as is."""
+    """A goal region: a rectangle (length, width) around a centre (2,) on a lanelet; None leaves an interval as is.
+
+    ``keeps_place``: the file's goal stays where it is, and only the intervals change; the place here is not used.
+    """
 
     problem_id: int
     lanelet_id: int
@@ -37,6 +40,7 @@ class GoalChange:
     size_m: tuple[float, float] | None
     steps: tuple[int, int] | None
     speed_mps: tuple[float, float] | None
+    keeps_place: bool = False
 
 
 @dataclass(frozen=True)

@@ -55,11 +55,14 @@ _AFTER_START = "add a set_goal edit after set_ego, or choose another start"
 def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Move the goal of the ego's planning problem onto a lanelet; what the edit does not give stays unchanged.
 
+    An edit with only a time or a speed leaves the goal where it is.
+
     If the ego enters a curve too fast, this is noted but not refused: lanelets of real maps bend where their roads do
     not.
 
     Raises:
-        InvalidRequest: neither ``to`` nor ``turn`` is given, or both, or a rectangle or interval is invalid.
+        InvalidRequest: a place is needed, but neither ``to`` nor ``turn`` is given, or both, or a rectangle or interval
+            is invalid.
         NotPossible: there is no ego, or no vehicle can reach the goal in its time at its speed.
     """
     ego = scene.ego
@@ -68,8 +71,12 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             "the scenario has no ego on a lanelet, so its goal cannot be set",
             next_step="choose a scenario with a planning problem, or let the ego start on a lanelet with set_ego",
         )
+    if _keeps_place(edit):
+        return _with_intervals(edit, scene, changes, ego)
     routes = _routes_to(edit, scene, changes, ego.lanelets)
-    route, goal, task, distance = _first_feasible(routes, edit, scene, ego)
+    # A time or speed that an earlier edit gave to the goal stays when the goal moves.
+    carried = changes.goal if changes.goal is not None and changes.goal.keeps_place else None
+    route, goal, task, distance = _first_feasible(routes, edit, scene, ego, carried)
     turned = f"{edit.turn} turn at the next fork: " if edit.turn in ("left", "right") else ""
     turned = "straight on at the next fork: " if edit.turn == "straight" else turned
     where = f"lanelet {goal.lanelet_id} at {_station_m(edit, scene, route):.1f} m"
@@ -78,6 +85,34 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     curve = first_curve_too_tight(scene, route, ego.position, ego.speed_mps)
     warning = "" if curve is None else f"; the ego {curve}"
     return EditStep(replace(changes, goal=goal), (), what + pace + warning)
+
+
+def _keeps_place(edit: Edit) -> bool:
+    """Return True if an edit changes only the time or speed of a goal."""
+    has_place = edit.to or edit.turn is not None or edit.position is not None or edit.rectangle_m is not None
+    return not has_place and (edit.goal_time is not None or edit.goal_speed is not None)
+
+
+def _with_intervals(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> EditStep:
+    """Return the step that gives the present goal another time or speed where it is.
+
+    Raises:
+        NotPossible: no vehicle meets the goal in this time at this speed.
+    """
+    present = changes.goal or GoalChange(
+        ego.problem_id, ego.lanelets[0], ego.position, 0.0, None, None, None, keeps_place=True
+    )
+    steps = _steps(edit, scene, ego) if edit.goal_time is not None else present.steps
+    speed_mps = _speeds(edit.goal_speed, ego) if edit.goal_speed is not None else present.speed_mps
+    goal = replace(present, steps=steps, speed_mps=speed_mps)
+    changed = replace(changes, goal=goal)
+    checked = _goal_task(scene, changed, ego)
+    if checked is not None:
+        checked.check()
+    task = checked or _GoalTask.of(scene, ego, goal, 0.0)
+    where = "" if checked is None else f", {checked.ahead_m:.1f} m ahead of the ego"
+    pace = "" if checked is None else task.pace_note(scene.last_step * scene.step_s)
+    return EditStep(changed, (), f"goal where it was{where}, {task}{pace}")
 
 
 def _above_limit(scene: Scene, route: tuple[int, ...], task: "_GoalTask") -> str:
@@ -97,8 +132,9 @@ def _routes_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ..
         raise InvalidRequest(
             "set_goal takes either a lanelet in 'to' or a 'turn' at the next fork, not both"
             if edit.to
-            else "set_goal needs either a lanelet in 'to' or a 'turn' at the next fork",
-            valid=near,
+            else "set_goal needs either a lanelet in 'to' or a 'turn' at the next fork, unless it changes only its "
+            "time or speed",
+            valid=[*starts, *near],
             next_step="give one that the ego reaches, or turn=left, right or straight",
             remedies=[with_values(turn=None, to=[str(key)]) for key in near[:_AHEAD_TRIED]],
         )
@@ -109,7 +145,7 @@ def _routes_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ..
             near = reachable_lanelets(scene, starts)
             raise UnknownName(
                 error.message,
-                valid=near,
+                valid=[*starts, *near],
                 next_step="choose one of these; the ego reaches them, the nearest first",
                 remedies=[*error.remedies, *(with_values(to=[str(key)]) for key in near[:_AHEAD_TRIED])],
             ) from error
@@ -119,7 +155,7 @@ def _routes_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ..
 
 
 def _first_feasible(
-    routes: list[tuple[int, ...]], edit: Edit, scene: Scene, ego: Ego
+    routes: list[tuple[int, ...]], edit: Edit, scene: Scene, ego: Ego, carried: GoalChange | None
 ) -> tuple[tuple[int, ...], GoalChange, "_GoalTask", float]:
     """Return the first route with an end that the ego can meet, and the goal there.
 
@@ -129,7 +165,7 @@ def _first_feasible(
     refused: NotPossible | None = None
     for route in routes:
         try:
-            return (route, *_goal_at_end_of_route(route, edit, scene, ego))
+            return (route, *_goal_at_end_of_route(route, edit, scene, ego, carried))
         except NotPossible as error:
             refused = refused or error
     raise refused or NotPossible("the ego has no route to a goal", next_step="give a lanelet in 'to'")
@@ -153,7 +189,7 @@ def _station_m(edit: Edit, scene: Scene, route: tuple[int, ...]) -> float:
 
 
 def _goal_at_end_of_route(
-    route: tuple[int, ...], edit: Edit, scene: Scene, ego: Ego
+    route: tuple[int, ...], edit: Edit, scene: Scene, ego: Ego, carried: GoalChange | None
 ) -> tuple[GoalChange, "_GoalTask", float]:
     """Return the goal on a route's last lanelet, its task, and its distance ahead of the ego in m.
 
@@ -169,6 +205,9 @@ def _goal_at_end_of_route(
             remedies=_farther_on(scene, ego),
         )
     size_m, steps, speed_mps = _size(edit.rectangle_m), _steps(edit, scene, ego), _speeds(edit.goal_speed, ego)
+    if carried is not None:
+        steps = carried.steps or steps if edit.goal_time is None else steps
+        speed_mps = carried.speed_mps if speed_mps is None else speed_mps
     goal = GoalChange(ego.problem_id, place.lanelet_id, *place.pose(scene), size_m, steps, speed_mps)
     task = _GoalTask.of(scene, ego, goal, distance)
     task.check()
@@ -568,16 +607,29 @@ def check_goal(scene: Scene, changes: Changes) -> None:
             f"{', '.join(map(str, ego.lanelets))}",
             next_step=_AFTER_START,
         )
-    goal = changes.goal or _kept_goal(scene, ego)
+    task = _goal_task(scene, changes, ego)
+    if task is None:
+        return
+    try:
+        task.check()
+    except NotPossible as error:
+        message = (
+            f"the goal on lanelet {', '.join(map(str, goals))} cannot be met from the ego's new start: {error.message}"
+        )
+        raise NotPossible(message, valid=error.valid, next_step=_AFTER_START) from error
+
+
+def _goal_task(scene: Scene, changes: Changes, ego: Ego) -> "_GoalTask | None":
+    """Return the task of the goal as edited, or as in the file; None if it has no single place on the ego's route."""
+    goal = changes.goal
+    if goal is None or goal.keeps_place:
+        kept = _kept_goal(scene, ego)
+        goal = kept if kept is None or goal is None else replace(kept, steps=goal.steps, speed_mps=goal.speed_mps)
     route = None if goal is None else scene.lanelet_graph.shortest_route(ego.lanelets, (goal.lanelet_id,))
     if goal is None or route is None:
-        return
+        return None
     station = project(scene.layout.table.lanes[goal.lanelet_id].center, goal.center)[0]
-    try:
-        _GoalTask.of(scene, ego, goal, _distance_along(scene, ego, route, station)).check()
-    except NotPossible as error:
-        message = f"the goal on lanelet {goal.lanelet_id} cannot be met from the ego's new start: {error.message}"
-        raise NotPossible(message, valid=error.valid, next_step=_AFTER_START) from error
+    return _GoalTask.of(scene, ego, goal, _distance_along(scene, ego, route, station))
 
 
 def _distance_along(scene: Scene, ego: Ego, route: tuple[int, ...], station_m: float) -> float:
@@ -594,7 +646,7 @@ def _distance_along(scene: Scene, ego: Ego, route: tuple[int, ...], station_m: f
 
 def _goal_lanelet_ids(scene: Scene, changes: Changes, ego: Ego) -> tuple[int, ...]:
     """Return the lanelets of the goal, as moved by edits or as in the file; empty if the goal has no lanelet."""
-    if changes.goal:
+    if changes.goal and not changes.goal.keeps_place:
         return (changes.goal.lanelet_id,)
     return tuple(goal_center_lanelets(scene.network, scene.loaded.problem(ego.problem_id)))
 

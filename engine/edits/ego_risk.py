@@ -71,9 +71,10 @@ def drive_after(
 ) -> Track | None:
     """Return the ego's motion in the edited scene; it is simulated again if the edits change its start or goal."""
     ego, goal = scene.ego, changes.goal
-    if ego is None or (ego is base.ego and goal is None):
+    keeps_place = goal is None or goal.keeps_place
+    if ego is None or (ego is base.ego and keeps_place):
         return None if before is None else before.track
-    goals = _problem_goals(scene, ego) if goal is None else (goal.lanelet_id,)
+    goals = _problem_goals(scene, ego) if goal is None or keeps_place else (goal.lanelet_id,)
     return _simulate_ego(scene, ego, goals, setup, changes)
 
 

@@ -22,7 +22,7 @@ from ..cosimulation import LANE_CHANGE_S, DrivePlan, HandoverTrack, Manoeuvre, p
 from ..geometry import Values, project
 from ..scene import NOT_DRIVEN, Scene
 from ..vehicles import STANDING_MPS
-from .changes import EditStep, listed
+from .changes import Changes, EditStep, listed
 from .edited_scene import EditedScene, SimulationResult, new_overlaps
 
 _SHORT_M = 5.0
@@ -496,7 +496,7 @@ def why_undone(
     edits remove them, send them elsewhere, or prevent the edit's speed from ever applying.
     """
     final = (step, *later)[-1].changes
-    is_replaced = {"set_goal": final.goal is not step.changes.goal, "set_ego": final.ego is not step.changes.ego}
+    is_replaced = {"set_goal": _is_goal_replaced(step, final), "set_ego": final.ego is not step.changes.ego}
     if is_replaced.get(op):
         return "a later edit replaces it"
     gone = {*step.changes.driven, *step.changes.replays} - {*final.driven, *final.replays}
@@ -508,6 +508,16 @@ def why_undone(
     ):
         return None
     return "a later edit removes its vehicles" if gone.issuperset(step.vehicles) else "later edits override it"
+
+
+def _is_goal_replaced(step: EditStep, final: Changes) -> bool:
+    """Return True if nothing remains of the goal that an edit sets: neither its place nor its time and speed."""
+    own, last = step.changes.goal, final.goal
+    if own is None or last is None or own is last:
+        return own is not last
+    keeps_place = not own.keeps_place and own.center is last.center
+    carried = own.keeps_place and (own.steps, own.speed_mps) == (last.steps, last.speed_mps)
+    return not keeps_place and not carried
 
 
 def why_missed(values: Sequence[Achieved]) -> str | None:

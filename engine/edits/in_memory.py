@@ -180,7 +180,17 @@ class EditableScenario:
 
     def _with_goal(self, goal: GoalChange) -> "PlanningProblemSet":
         """Return the planning problems with a new goal; the base is written with it and read once for each goal."""
-        key = repr((goal.problem_id, goal.center.tolist(), goal.heading_rad, goal.size_m, goal.steps, goal.speed_mps))
+        key = repr(
+            (
+                goal.problem_id,
+                goal.center.tolist(),
+                goal.heading_rad,
+                goal.size_m,
+                goal.steps,
+                goal.speed_mps,
+                goal.keeps_place,
+            )
+        )
         if key not in self._goals:
             document = ScenarioDocument.read(self.xml)
             write_goal(document, goal)

@@ -264,7 +264,7 @@ def _ego_goals(scene: Scene, changes: Changes) -> frozenset[int]:
     """Return the lanelets of the ego's goal, as earlier edits set it; empty if the goal has no position."""
     if scene.ego is None:
         return frozenset()
-    if changes.goal is not None:
+    if changes.goal is not None and not changes.goal.keeps_place:
         return frozenset({changes.goal.lanelet_id})
     return frozenset(goal_center_lanelets(scene.network, scene.loaded.problem(scene.ego.problem_id)))
 

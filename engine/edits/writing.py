@@ -130,6 +130,9 @@ def write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
         Sentences on what else had to change.
     """
     problem = document.problem(goal.problem_id)
+    if goal.keeps_place:
+        _set_intervals(document, problem, goal)
+        return []
     states = problem.findall("goalState") or [_first_goal(problem)]
     notes = []
     if len(states) > 1:
@@ -152,6 +155,23 @@ def write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
             new.append(element)
     document.replace_children(problem, [old], [new])
     return notes
+
+
+def _set_intervals(document: ScenarioDocument, problem: _Element, goal: GoalChange) -> None:
+    """Give each goal state of a problem the time and speed of an edit; its place and orientation stay."""
+    states = problem.findall("goalState") or [_first_goal(problem)]
+    new_of = {name: one for name, one in (("time", goal.steps), ("velocity", goal.speed_mps)) if one is not None}
+    changed = []
+    for old in states:
+        new = etree.Element("goalState")
+        for element in list(old):
+            element.tail = None
+            interval = new_of.get(str(element.tag))
+            new.append(element if interval is None else _interval(str(element.tag), *interval))
+        # Time precedes velocity in the format, and both follow the place.
+        new.extend(_interval(name, *one) for name, one in new_of.items() if new.find(name) is None)
+        changed.append(new)
+    document.replace_children(problem, states, changed)
 
 
 def _first_goal(problem: _Element) -> _Element:

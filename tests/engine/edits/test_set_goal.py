@@ -138,7 +138,7 @@ def test_of_the_lanelets_near_the_ego_only_reachable_ones_are_named(apply: Apply
     )
     with pytest.raises(InvalidRequest, match="a lanelet in 'to'") as caught:
         apply({"op": "set_goal"}, builder=ScenarioBuilder(apart, problems=(Problem(start=(40.0, 1.0, 0.0, 10.0)),)))
-    assert caught.value.valid == ("2",)
+    assert caught.value.valid == ("1", "2")
 
 
 @pytest.mark.parametrize(
@@ -200,3 +200,40 @@ def test_a_turn_that_is_not_there_names_the_branches_for_a_goal(apply: Apply) ->
 def test_a_goal_needs_a_lanelet_or_a_turn(apply: Apply, both: dict[str, object]) -> None:
     with pytest.raises(InvalidRequest, match="a lanelet in 'to'"):
         apply({"op": "set_goal"} | both, builder=AT_FORK)
+
+
+@pytest.mark.parametrize("given", [{"goal_time": "4..9s"}, {"goal_speed": "6..12m/s"}])
+def test_a_time_or_speed_alone_changes_nothing_else_of_the_goal(apply: Apply, given: dict[str, str]) -> None:
+    applied = apply({"op": "set_goal", **given})
+    (old,), new = read_scenario(applied.base).problem().goal.state_list, goal(applied)
+    assert tuple(new.position.center) == pytest.approx(tuple(old.position.center))
+    assert (new.position.length, new.position.width) == (old.position.length, old.position.width)
+    if "goal_time" in given:
+        assert (new.time_step.start, new.time_step.end) == (40, 90)
+        assert not hasattr(new, "velocity") or new.velocity is None
+    else:
+        assert (new.time_step.start, new.time_step.end) == (old.time_step.start, old.time_step.end)
+        assert (new.velocity.start, new.velocity.end) == (6.0, 12.0)
+    assert applied.outcome.edits[0].verdict == "done"
+
+
+def test_a_time_given_alone_stays_when_the_goal_moves_and_the_place_stays_when_the_time_changes(apply: Apply) -> None:
+    time, place = {"op": "set_goal", "goal_time": "8..14s"}, {"op": "set_goal", "to": ["11"], "position": "beginning"}
+    for edits in ((time, place), (place, time)):
+        applied = apply(*edits)
+        new = goal(applied)
+        assert (new.time_step.start, new.time_step.end) == (80, 140)
+        assert tuple(new.position.center) == pytest.approx((200.0, 0.0), abs=0.01)
+        assert [one.verdict for one in applied.outcome.edits] == ["done", "done"]
+
+
+def test_a_time_given_alone_that_no_vehicle_can_meet_is_refused(apply: Apply) -> None:
+    with pytest.raises(NotPossible):
+        apply({"op": "set_goal", "goal_time": "<=0.5s"})
+
+
+def test_the_valid_places_of_a_goal_contain_the_lanelet_of_the_ego_itself(apply: Apply) -> None:
+    with pytest.raises(InvalidRequest) as refused:
+        apply({"op": "set_goal"})
+    for key in refused.value.valid:
+        assert apply({"op": "set_goal", "to": [key], "goal_time": "<=60s"}).outcome.edits[0].done
