@@ -37,8 +37,7 @@ def apply_assignments(
 
     ``jerk=lateral_jerk`` copies the other weight's value at that point. ``limits``: ranges of single names, otherwise 0
     to 1e6; ``elsewhere``: maps names that do not belong to the ``owner`` to an explanation;
-    ``idle``: names whose values are kept, but have no effect. A refusal offers one only for its misspelling.
-    ``idle``: names whose values are kept, but have no effect; a refusal lists them only if they may be meant.
+    ``idle``: names with values that are kept, but have no effect. A refusal offers one only for its misspelling.
 
     Raises:
         UnknownName: A weight does not exist; the error lists the nearest names.
