@@ -365,7 +365,7 @@ class RunLine(Model):
     config_name: str = ""
     review: RunReview | None = Field(None, description="for a single run and for listed failures")
     broken_rules: tuple[RuleVerdict, ...] = Field(
-        (), exclude_if=lambda rules: not rules, description="for a single run: the traffic rules that it broke"
+        (), exclude_if=lambda rules: not rules, description="for a single run: all traffic rules that it broke"
     )
 
     def in_words(self, modes: str = "") -> str:
@@ -387,6 +387,12 @@ class ConfigurationSummary(Model):
 
 _SHOWN_RULES = 3
 """The number of broken traffic rules that the answer to a single run states (chosen)."""
+_TOLD_RULES = ("R_IN1", "R_IN2")
+"""The rules on stop signs and red lights, which the answer to a single run states.
+
+A run that reaches its goal past a red light looks like any other. Rules on distance, braking and speed are often broken
+slightly, and the answer already has the moments that matter.
+"""
 
 
 class RunPlannerResult(Result):
@@ -422,7 +428,8 @@ class RunPlannerResult(Result):
             for cell in self.lost
         ]
         if self.total == 1 and self.runs:
-            broken = broken_in_words(self.runs[0].broken_rules, _SHOWN_RULES, "analyze_results with detail=rules")
+            told = [rule for rule in self.runs[0].broken_rules if rule.rule in _TOLD_RULES]
+            broken = broken_in_words(told, _SHOWN_RULES, "analyze_results with detail=rules")
             return Answer(
                 self._single(),
                 figures=self._moments(),

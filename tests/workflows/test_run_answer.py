@@ -48,13 +48,15 @@ def test_one_run_is_reported_with_its_ending_its_closest_moment_and_links() -> N
     assert "Closest: 2.00 m to bus 3 oncoming on the left at 1.0 s (ego 8.0, other 7.0 m/s)" in said
 
 
-def test_one_run_states_the_traffic_rules_that_it_broke() -> None:
+def test_one_run_states_that_it_ran_a_red_light_and_keeps_all_rules_that_it_broke() -> None:
     run = record()
     light = RuleVerdict(rule="R_IN2", name="red light", unit="m", robustness=-3.0, time_s=4.0, first_s=3.0)
     (one,) = answer(cells_of([run]), [CellResult(run)], broken={run.run_id: (light,)}).runs
     assert one.broken_rules == (light,)
-    said = answer(cells_of([run]), [CellResult(run)], broken={run.run_id: (light,)}).to_text()
+    speed = RuleVerdict(rule="R_G3", name="speed limit", unit="m/s", robustness=-1.0, time_s=2.0, first_s=2.0)
+    said = answer(cells_of([run]), [CellResult(run)], broken={run.run_id: (speed, light)}).to_text()
     assert light.in_words() in said
+    assert speed.in_words() not in said
     assert "rules" not in answer(cells_of([run]), [CellResult(run)], broken={run.run_id: ()}).to_text()
 
 
