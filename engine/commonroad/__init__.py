@@ -41,6 +41,7 @@
 ``sign_keys``: Return the keys of all signs in the vocabulary, sorted, each once.
 ``signs_of``: Return the signs that the given lanelets refer to.
 ``speed_limit_number``: Return the sign number for a speed limit in a country, or None if CommonRoad has none.
+``SHORTEST_M``: Minimum length and width in m of a drawn shape.
 """
 
 from typing import TYPE_CHECKING
@@ -84,5 +85,6 @@ if TYPE_CHECKING:
         signs_of,
         speed_limit_number,
     )
+    from .value_limits import SHORTEST_M
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -328,6 +328,8 @@ def superfluous_polygons(top: Any) -> list[tuple[Any, Any]]:
     found = []
     for shape in top.iter("shape"):
         parts = list(shape)
+        if len(parts) < 2:
+            continue
         flat = [part for part in parts if part.tag == "polygon" and _is_on_a_line(_points_of(part))]
         found += [(shape, part) for part in flat if len(flat) < len(parts)]
     return found

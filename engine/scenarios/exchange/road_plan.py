@@ -18,14 +18,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...commonroad import SHORTEST_M
 from ...geometry import Points
 from .cross_sections import LEVEL_M, Strip, strip_of
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
 
-CLOSED_M = 0.001
-"""OpenDRIVE links no lane that begins or ends at a point; narrower ends count as points (as for a file's shapes)."""
 SAME_M = 0.02
 """Neighbours are separate roads if their common bound differs by more, or if they do not start and end level."""
 
@@ -93,7 +92,8 @@ class RoadPlan:
         meeting = {
             (key, after)
             for key, after in meeting
-            if not drawn.issuperset((key, after)) or min(ends[key][1], ends[after][0]) >= CLOSED_M
+            # OpenDRIVE links no lane that begins or ends at a point.
+            if not drawn.issuperset((key, after)) or min(ends[key][1], ends[after][0]) >= SHORTEST_M
         }
         following: dict[int, list[int]] = {key: [] for key in sorted(drawn)}
         for key, after in sorted(meeting):
